@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
 from calib.storage.documents import csv_rows, load_text
 from silhouette_core.body.joints import LANDMARK_NAMES
@@ -53,7 +53,7 @@ def list_joints(path: Path) -> tuple[tuple[str, ...], int]:
 
 def read_joints(
     path: Path, count: int, offset: int = 0, names: Sequence[str] = LANDMARK_NAMES
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Reads joint positions of a CSV file with the columns frame, joint, x_m, y_m and z_m;
     InputError where that is not possible.
 
@@ -97,7 +97,7 @@ def _unreadable(path: Path, line: int, error: Exception) -> InputError:
 
 def read_trc(
     path: Path, axes: str = POSE2SIM_AXES, markers: Mapping[str, str] | None = None
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Reads the joints of a TRC.
 
     Args:
@@ -137,7 +137,7 @@ def read_trc(
     return joints_m
 
 
-def _read_points(path: Path) -> tuple[list[str], NDArray[np.int64], NDArray[np.float64]]:
+def _read_points(path: Path) -> tuple[list[str], IntArray, FloatArray]:
     """Returns marker names, frame numbers from 0, and positions (F, K, 3), file's axes, metres."""
     lines = load_text(path, _LARGEST_TRC).splitlines()
     try:
@@ -203,7 +203,7 @@ def _listing(names: Sequence[str]) -> str:
     return ", ".join(name[:20] for name in names[:40]) + more
 
 
-def _world_from_file(axes: str) -> NDArray[np.float64]:
+def _world_from_file(axes: str) -> FloatArray:
     """Returns the (3, 3) rotation from the file's axes to the world's."""
     signed = re.findall(r"(-?)([xyz])", axes)
     if "".join(map("".join, signed)) != axes or sorted(axis for _, axis in signed) != list("xyz"):

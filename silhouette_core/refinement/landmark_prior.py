@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.refinement.kernels.steps import add_landmark_terms
@@ -17,14 +17,14 @@ from silhouette_core.tuning import REFINEMENT
 class LandmarkPrior:
     """Prior of the 15 landmarks: Student's t about each, relative to the pelvis."""
 
-    relative_m: NDArray[np.float64]  #: (15, 3) float64, means relative to the pelvis, in the world.
-    precision: NDArray[np.float64]
+    relative_m: FloatArray  #: (15, 3) float64, means relative to the pelvis, in the world.
+    precision: FloatArray
     """(15, 3, 3) float64, inverse squared scales, 1/m²; the pelvis's own is not used."""
-    pelvis_m: NDArray[np.float64]  #: (3,) float64, mean of the pelvis, in the world.
-    pelvis_precision: NDArray[np.float64]  #: (3, 3) float64, its inverse covariance, 1/m².
+    pelvis_m: FloatArray  #: (3,) float64, mean of the pelvis, in the world.
+    pelvis_precision: FloatArray  #: (3, 3) float64, its inverse covariance, 1/m².
 
     @property
-    def landmarks_m(self) -> NDArray[np.float64]:
+    def landmarks_m(self) -> FloatArray:
         """Means (15, 3) of all landmarks in the world."""
         return self.pelvis_m + self.relative_m
 
@@ -48,7 +48,7 @@ def landmark_arrays(
     return np.array([prior is not None for prior in priors]), *arrays
 
 
-def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float64]:
+def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> FloatArray:
     """Derivatives (L, 3, 6 + D) of the landmarks by a step of `Pose.moved`."""
     count = len(model.landmarks_m)
     skin_parts, skin_weights = np.zeros((count, 4), np.int32), np.zeros((count, 4))
@@ -60,8 +60,8 @@ def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> NDArray[np.float
 
 
 def add_landmark_priors(
-    matrix: NDArray[np.float64],
-    gradient: NDArray[np.float64],
+    matrix: FloatArray,
+    gradient: FloatArray,
     model: BodyModel,
     posed: PosedSurface,
     priors: tuple[np.ndarray, ...],

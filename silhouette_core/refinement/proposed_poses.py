@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.entry_points import load_registered
 from silhouette_core.motion.dynamics import RELAXED_RAD
@@ -31,11 +31,11 @@ GROUP = "silhouette_core.pose_proposers"
 class ProposedPoses:
     """M probable poses of one frame."""
 
-    probability: NDArray[np.float64]  #: (M,) float64, summing to 1.
+    probability: FloatArray  #: (M,) float64, summing to 1.
     priors: list[LandmarkPrior]  #: M priors of the joints' positions.
 
     @property
-    def likeliest(self) -> NDArray[np.float64]:
+    def likeliest(self) -> FloatArray:
         """Joints (15, 3) of the likeliest pose in the world."""
         return self.probable(1)[0].landmarks_m
 
@@ -44,13 +44,13 @@ class ProposedPoses:
         order = np.argsort(rounded(-self.probability), kind="stable")[:count]
         return [self.priors[pose] for pose in order]
 
-    def nearest(self, landmarks_m: NDArray[np.float64]) -> LandmarkPrior:
+    def nearest(self, landmarks_m: FloatArray) -> LandmarkPrior:
         """The proposed pose nearest to a pose's joints (15, 3), relative to the pelvis."""
         relative = landmarks_m - landmarks_m[0]
         gaps = [np.linalg.norm(prior.relative_m - relative) for prior in self.priors]
         return self.priors[int(np.argmin(rounded(gaps)))]
 
-    def cost(self, landmarks_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def cost(self, landmarks_m: FloatArray) -> FloatArray:
         """Cost (K,), nats, of poses: the negative logarithm of the mixture at their joints.
 
         Args:
@@ -67,7 +67,7 @@ class ProposedPoses:
         most = logs.max(axis=1, keepdims=True)
         return -(most[:, 0] + np.log(np.exp(logs - most).sum(axis=1)))
 
-    def at(self, pelvis_m: NDArray[np.float64], scale: float) -> "ProposedPoses":
+    def at(self, pelvis_m: FloatArray, scale: float) -> "ProposedPoses":
         """The same poses of a body larger by a factor, with the pelvis (3,) elsewhere."""
         priors = [
             replace(
@@ -86,7 +86,7 @@ class PoseProposer(Protocol):
     """Proposes poses of a person by silhouettes of one camera; called from several threads."""
 
     def propose(
-        self, camera: Camera, stature_m: float, frames: Iterable[tuple[float, NDArray[np.bool_]]]
+        self, camera: Camera, stature_m: float, frames: Iterable[tuple[float, BoolArray]]
     ) -> list[ProposedPoses | None]:
         """Poses in each of consecutive frames, at the distance of somebody of a stature; None: it
         shows nobody.

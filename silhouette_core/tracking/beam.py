@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, FloatArray, IntArray
 from silhouette_core.motion.pose import Pose
 from silhouette_core.ranking import rounded
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
@@ -27,25 +27,25 @@ class Beam:
     """
 
     poses: list[Pose]
-    joints: NDArray[np.float64]
-    distance: NDArray[np.float64]
-    cost: NDArray[np.float64]
-    back: NDArray[np.int64]
-    restarted: NDArray[np.bool_]
+    joints: FloatArray
+    distance: FloatArray
+    cost: FloatArray
+    back: IntArray
+    restarted: BoolArray
     time_s: float
-    alone: NDArray[np.float64]
-    occluded: NDArray[np.bool_]
+    alone: FloatArray
+    occluded: BoolArray
     priors: list[LandmarkPrior | None]
 
     @classmethod
     def of_frame(
         cls,
         poses: list[Pose],
-        joints: NDArray[np.float64],
-        distance: NDArray[np.float64],
-        cost: NDArray[np.float64],
+        joints: FloatArray,
+        distance: FloatArray,
+        cost: FloatArray,
         time_s: float,
-        occluded: NDArray[np.bool_],
+        occluded: BoolArray,
         priors: list[LandmarkPrior | None],
     ) -> "Beam":
         """Hypotheses with the costs of their frame alone; arguments as the attributes."""
@@ -74,7 +74,7 @@ class Beam:
             },
         )
 
-    def probabilities(self, temperature: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def probabilities(self, temperature: float) -> tuple[FloatArray, FloatArray]:
         """Probabilities (K,) of the hypotheses, likeliest first, and their joints (K, 15, 3).
 
         Costs are divided by the temperature: those of many pixels, joints and frames are not
@@ -100,9 +100,7 @@ def backtrack(beams: list[Beam]) -> list[int]:
     return chosen[::-1]
 
 
-def select_different(
-    joints: NDArray[np.float64], order: NDArray[np.int64], count: int, least_m: float
-) -> list[int]:
+def select_different(joints: FloatArray, order: IntArray, count: int, least_m: float) -> list[int]:
     """Indices of the first poses in an order that differ from each other.
 
     Args:

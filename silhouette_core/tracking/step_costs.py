@@ -5,8 +5,8 @@ recursion.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.dynamics import FPS, ROOT_STEP_M, ROOT_STEP_RAD, elapsed_steps, predict
 from silhouette_core.motion.pose import Pose, PoseArrays
@@ -20,7 +20,7 @@ class StepCosts:
     """What steps between the hypotheses of consecutive frames cost."""
 
     tree: KinematicTree  #: the body's.
-    sigma_rad: NDArray[np.float64]
+    sigma_rad: FloatArray
     """(D,) float64, standard deviations of the joint angles within 1 / `FPS`."""
     magnification: float = 1.0
     """Factor on those of occluded parts, eq. (5); 1: the motion model DM1."""
@@ -43,7 +43,7 @@ class StepCosts:
 
     def between(
         self, previous: Beam, expected: list[Pose], beam: Beam
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    ) -> tuple[FloatArray, BoolArray]:
         """Costs of the steps from the hypotheses of the previous frame.
 
         Returns:
@@ -80,12 +80,8 @@ class StepCosts:
 
 
 def transition_cost(
-    before: PoseArrays,
-    after: PoseArrays,
-    widened: NDArray[np.float64],
-    sigma_rad: NDArray[np.float64],
-    steps: float,
-) -> NDArray[np.float64]:
+    before: PoseArrays, after: PoseArrays, widened: FloatArray, sigma_rad: FloatArray, steps: float
+) -> FloatArray:
     """Negative logarithm of the transition probability between all poses of two frames.
 
     The random walk of :eq:`okada-4` and :eq:`okada-5` over joint angles, orientation and position;

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from calib.checks import FloatArray, IntArray
 from silhouette_core.body.model import BodyModel
 from silhouette_core.jit import one_thread
 from silhouette_core.motion.dynamics import FPS, pose_step_sigma
@@ -124,7 +124,7 @@ class _Banded:
         self.bands = np.zeros((min(3, count) * size, count * size))  # lower form
         self.gradient = np.zeros((count, size))
 
-    def add(self, row: int, column: int, block: NDArray[np.float64]) -> None:
+    def add(self, row: int, column: int, block: FloatArray) -> None:
         """Adds a block (n, n) at frames row >= column."""
         size, below = self.size, (row - column) * self.size
         for k in range(size):
@@ -132,7 +132,7 @@ class _Banded:
             offset = below + first - k
             self.bands[offset : offset + size - first, column * size + k] += block[first:, k]
 
-    def solve(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Steps (T, n) between bounds: as `refine.solve_steps`, unknowns are fixed at the bounds
         that they violate, until none does.
         """
@@ -160,7 +160,7 @@ def _own_terms(
     floor: bool,
     reach_m: float,
     contour: RefineSettings,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[FloatArray, FloatArray]:
     """Normal equations (T, n, n) and (T, n) of every frame alone."""
     model, count = surface.model, len(poses)
     matrix = np.zeros((count, 6 + model.dof_count, 6 + model.dof_count))
@@ -186,10 +186,7 @@ def _own_terms(
 
 
 def _add_floor(
-    matrix: NDArray[np.float64],
-    gradient: NDArray[np.float64],
-    surface: Surface,
-    posed: PosedSurface,
+    matrix: FloatArray, gradient: FloatArray, surface: Surface, posed: PosedSurface
 ) -> None:
     """Adds the height of what is below the floor, and of the lowest point if it is a little above:
     with the outline, it decides the distance.
@@ -215,9 +212,9 @@ def _add_accelerations(
     banded: _Banded,
     poses: list[Pose],
     fixed: int,
-    time_s: NDArray[np.float64],
-    sigma: NDArray[np.float64],
-    free: NDArray[np.int64],
+    time_s: FloatArray,
+    sigma: FloatArray,
+    free: IntArray,
 ) -> None:
     """Adds the second differences; the first `fixed` poses are not unknowns."""
     if len(poses) < 3:
@@ -242,9 +239,7 @@ def _add_accelerations(
                     banded.add(first + a, first + b, np.diag(factor_a * factor_b * precision))
 
 
-def _add_standing(
-    banded: _Banded, model: BodyModel, posed: PosedSurface, free: NDArray[np.int64]
-) -> None:
+def _add_standing(banded: _Banded, model: BodyModel, posed: PosedSurface, free: IntArray) -> None:
     """Adds the movement of feet near the floor: robust, so that a swinging foot is free."""
     names = model.tree.landmark_names
     feet = [names.index(name) for name in _ANKLES if name in names]

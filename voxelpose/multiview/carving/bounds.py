@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from calib.camera import Camera, Rig
+from calib.checks import BoolArray, ByteArray, FloatArray
 from calib.errors import InputError
 from voxelpose.multiview.carving.carver import CarveRule, Masks, carve, mask_list
 from voxelpose.multiview.carving.grid import LARGEST, VoxelGrid
@@ -25,8 +26,8 @@ _LONG = 2  # times the usual length: such a moment's silhouettes show more than 
 _FAR_M = 10_000
 
 # A pyramid's planes, and which of them are image borders.
-_Sides = tuple[NDArray[np.float64], NDArray[np.bool_]]
-_Box = tuple[NDArray[np.float64], NDArray[np.float64]]  # low and high corner
+_Sides = tuple[FloatArray, BoolArray]
+_Box = tuple[FloatArray, FloatArray]  # low and high corner
 
 
 def place_grid(
@@ -35,7 +36,7 @@ def place_grid(
     voxel_size_m: float | None = None,
     resolution: int = 128,
     rule: CarveRule | None = None,
-    unknown: Sequence[NDArray[np.bool_]] | None = None,
+    unknown: Sequence[BoolArray] | None = None,
     moments: Iterable[Masks] = (),
 ) -> VoxelGrid:
     """Smallest grid that holds the visual hull.
@@ -81,9 +82,7 @@ def place_grid(
     return grid_within(low - _MARGIN_VOXELS * size, high + _MARGIN_VOXELS * size, size)
 
 
-def grid_within(
-    low_m: NDArray[np.float64], high_m: NDArray[np.float64], voxel_size_m: float
-) -> VoxelGrid:
+def grid_within(low_m: FloatArray, high_m: FloatArray, voxel_size_m: float) -> VoxelGrid:
     """Grid of a box.
 
     Args:
@@ -108,7 +107,7 @@ def grid_within(
     return VoxelGrid.from_bounds(low_m, high_m, voxel_size_m)
 
 
-def _fits(edges_m: NDArray[np.float64], voxel_size_m: float) -> bool:
+def _fits(edges_m: FloatArray, voxel_size_m: float) -> bool:
     """Whether the voxels of a box fit into memory."""
     return bool(np.ceil(edges_m / voxel_size_m + 1).prod() <= LARGEST)
 
@@ -138,7 +137,7 @@ def check_tolerance(tolerance: int, cameras: int) -> None:
         )
 
 
-def _pyramid(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _pyramid(camera: Camera, pixels: FloatArray) -> FloatArray | None:
     """Planes (4, 4) of the pyramid around the rays of pixels (N, 2): left, right, upper, lower, as
     [n, d] with n x + d <= 0 inside; None if no pixel has a ray.
     """
@@ -152,7 +151,7 @@ def _pyramid(camera: Camera, pixels: NDArray[np.float64]) -> NDArray[np.float64]
     return np.stack([left * z - x, x - right * z, upper * z - y, y - lower * z])
 
 
-def _outline(mask: NDArray[np.uint8]) -> NDArray[np.float64]:
+def _outline(mask: ByteArray) -> FloatArray:
     """Corners (N, 2), px, of the outermost foreground pixels of every row and column."""
     outer = []
     for image, order in ((mask, (1, 0)), (mask.T, (0, 1))):
@@ -164,12 +163,12 @@ def _outline(mask: NDArray[np.uint8]) -> NDArray[np.float64]:
     return np.concatenate([pixels + np.array([dx, dy]) for dx in (-0.5, 0.5) for dy in (-0.5, 0.5)])
 
 
-def _touches(mask: NDArray[np.uint8]) -> NDArray[np.bool_]:
+def _touches(mask: ByteArray) -> BoolArray:
     """Whether each image border (left, right, upper, lower) cuts the silhouette, (4,) bool."""
     return np.array([mask[:, 0].any(), mask[:, -1].any(), mask[0].any(), mask[-1].any()])
 
 
-def _frame(camera: Camera) -> NDArray[np.float64]:
+def _frame(camera: Camera) -> FloatArray:
     """Planes (4, 4) of the pyramid of the whole image."""
     planes = _pyramid(camera, _outline(np.ones((camera.size[1], camera.size[0]), dtype=np.uint8)))
     if planes is None:
@@ -177,7 +176,7 @@ def _frame(camera: Camera) -> NDArray[np.float64]:
     return planes
 
 
-def _box(planes: NDArray[np.float64]) -> _Box | None:
+def _box(planes: FloatArray) -> _Box | None:
     """Bounding box of points inside all planes (N, 4), infinite if unbounded; None if empty."""
     corners = np.empty((2, 3))
     for axis in range(3):
@@ -199,10 +198,10 @@ def _box(planes: NDArray[np.float64]) -> _Box | None:
 
 def _pyramid_box(
     rig: Rig,
-    masks: list[NDArray[np.uint8]],
+    masks: list[ByteArray],
     rule: CarveRule,
-    unknown: Sequence[NDArray[np.bool_]] | None,
-    moments: Iterable[list[NDArray[np.uint8]]],
+    unknown: Sequence[BoolArray] | None,
+    moments: Iterable[list[ByteArray]],
     voxel_size_m: float | None,
 ) -> _Box:
     """Bounding box of the pyramids' intersection, or of all intersections without `rule.tolerance`
@@ -233,10 +232,7 @@ def _pyramid_box(
 
 
 def _intersection(
-    rig: Rig,
-    masks: list[NDArray[np.uint8]],
-    rule: CarveRule,
-    unknown: Sequence[NDArray[np.bool_]] | None,
+    rig: Rig, masks: list[ByteArray], rule: CarveRule, unknown: Sequence[BoolArray] | None
 ) -> _Box | None:
     """Bounding box as of `_pyramid_box`, of one set of masks; infinite where unbounded."""
     sides: list[_Sides] = []
@@ -261,7 +257,7 @@ def _bounded_box(sides: tuple[_Sides, ...]) -> _Box | None:
     return box
 
 
-def _blind(rig: Rig, low: NDArray[np.float64], high: NDArray[np.float64]) -> list[str]:
+def _blind(rig: Rig, low: FloatArray, high: FloatArray) -> list[str]:
     """Names of the cameras that do not see any of a box."""
     box = np.block([[np.eye(3), -high[:, None]], [-np.eye(3), low[:, None]]])
     return [camera.name for camera in rig if _box(np.concatenate([box, _frame(camera)])) is None]
@@ -293,10 +289,10 @@ def _nothing_common(rig: Rig) -> InputError:
 
 def _shrink(
     rig: Rig,
-    masks: list[NDArray[np.uint8]],
+    masks: list[ByteArray],
     rule: CarveRule,
     box: _Box,
-    unknown: Sequence[NDArray[np.bool_]] | None,
+    unknown: Sequence[BoolArray] | None,
 ) -> _Box:
     """Box after repeated coarse carving, until that no longer shrinks it much."""
     low, high = box
@@ -325,7 +321,7 @@ def _shrink(
     return low, high
 
 
-def _dilated(camera: Camera, mask: NDArray[np.uint8], grid: VoxelGrid) -> NDArray[np.bool_]:
+def _dilated(camera: Camera, mask: ByteArray, grid: VoxelGrid) -> BoolArray:
     """Silhouette dilated by half the diagonal of the nearest voxel's image."""
     corners = grid.origin_m + grid.size_m * np.array(list(np.ndindex(2, 2, 2)))
     depth_m = (corners @ camera.rotation[2] + camera.translation[2]).min()
@@ -337,6 +333,6 @@ def _dilated(camera: Camera, mask: NDArray[np.uint8], grid: VoxelGrid) -> NDArra
     return cv2.dilate(mask, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)).astype(bool)
 
 
-def _metres(point_m: NDArray[np.float64]) -> str:
+def _metres(point_m: FloatArray) -> str:
     """Three lengths as text."""
     return " x ".join(f"{value:.2f}" for value in point_m) + " m"

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Rig
-from calib.checks import check_array
+from calib.checks import BoolArray, ByteArray, FloatArray, IntArray, check_array
 from calib.lens import FisheyeLens, RationalLens
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels import blocks
 
-Masks = Mapping[str, NDArray[np.bool_]] | Sequence[NDArray[np.bool_]]
+Masks = Mapping[str, BoolArray] | Sequence[BoolArray]
 
 _MOST_CAMERAS = 62  # a set of cameras is the bits of an int64
 _BINS = 256
@@ -39,7 +39,7 @@ def _taken(name: str, dtype: type, count: int) -> NDArray[Any]:
 
 
 @lru_cache(maxsize=64)
-def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+def pack_rig(rig: Rig) -> tuple[FloatArray, IntArray, FloatArray]:
     """Rows, kinds and bounds of all cameras, as in `blocks.carve_blocks`; cached."""
     if len(rig) > _MOST_CAMERAS:
         raise ValueError(f"at most {_MOST_CAMERAS} cameras, got {len(rig)}")
@@ -47,7 +47,7 @@ def pack_rig(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[
     return np.stack(rows), np.array(kinds, dtype=np.int64), np.stack(bounds)
 
 
-def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
+def mask_list(rig: Rig, masks: Masks) -> list[ByteArray]:
     """Masks in the order of the rig, checked against their cameras.
 
     Returns:
@@ -70,8 +70,8 @@ def mask_list(rig: Rig, masks: Masks) -> list[NDArray[np.uint8]]:
 
 
 def pack_masks(
-    masks: list[NDArray[np.uint8]], unknown: Sequence[NDArray[np.bool_]] | None = None
-) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint8]]:
+    masks: list[ByteArray], unknown: Sequence[BoolArray] | None = None
+) -> tuple[IntArray, NDArray[np.uint16], ByteArray]:
     """Frames, sums and pixels of all masks, as in `blocks.carve_blocks`, cropped to the foreground
     and to what is unknown, (h, w) bool each.
 
@@ -119,7 +119,7 @@ def pack_masks(
 
 
 @lru_cache(maxsize=16)
-def block_order(count: int) -> NDArray[np.int64]:
+def block_order(count: int) -> IntArray:
     """Order of `count` blocks, as in `blocks.carve_blocks`.
 
     Neighbouring blocks have similar cost; sorting by multiples of the golden section distributes
@@ -129,7 +129,7 @@ def block_order(count: int) -> NDArray[np.int64]:
 
 
 @lru_cache(maxsize=512)
-def _packed(camera: Camera) -> tuple[NDArray[np.float64], int, NDArray[np.float64]]:
+def _packed(camera: Camera) -> tuple[FloatArray, int, FloatArray]:
     """Row, kind and bound of a camera, which take milliseconds; see the columns in `blocks`."""
     row = np.zeros(blocks.COLUMNS)
     bound = np.zeros((2, _BINS))
@@ -171,7 +171,7 @@ def _seen_radius(camera: Camera) -> float:
     return field if np.isnan(radius).any() else min(field, float(radius.max()) * 1.01)
 
 
-def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> NDArray[np.float64]:
+def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> FloatArray:
     """Bounds of a lens's Jacobian J over discs around the axis.
 
     Args:
@@ -199,7 +199,7 @@ def _lens_bound(lens: RationalLens | FisheyeLens, reach: float) -> NDArray[np.fl
     return norms * 1.05 + 1e-3
 
 
-def _spectral_norm(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spectral_norm(matrices: FloatArray) -> FloatArray:
     """Largest singular values (N,) of matrices (N, 2, 2); NaN where an entry is NaN."""
     a, b, c, d = matrices.reshape(-1, 4).T
     return 0.5 * (np.hypot(a + d, b - c) + np.hypot(a - d, b + c))
@@ -249,8 +249,8 @@ def carve(
     masks: Masks,
     grid: VoxelGrid,
     rule: CarveRule | None = None,
-    unknown: Sequence[NDArray[np.bool_]] | None = None,
-) -> NDArray[np.bool_]:
+    unknown: Sequence[BoolArray] | None = None,
+) -> BoolArray:
     r"""Visual hull: the voxels whose projections are foreground.
 
     A voxel with centre v is occupied where

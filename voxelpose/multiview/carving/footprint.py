@@ -1,20 +1,17 @@
 """Pixels that voxels cover."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Camera
+from calib.checks import BoolArray
 from silhouette_core.image.cleanup import bounding_box, dilated
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 
 
 def footprint(
-    occupancy: NDArray[np.bool_],
-    grid: VoxelGrid,
-    camera: Camera,
-    mask: NDArray[np.bool_] | None = None,
-) -> NDArray[np.bool_]:
+    occupancy: BoolArray, grid: VoxelGrid, camera: Camera, mask: BoolArray | None = None
+) -> BoolArray:
     """Pixels (h, w) bool that voxels (nx, ny, nz) cover, without gaps between them.
 
     Args:

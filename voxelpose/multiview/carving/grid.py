@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from calib.checks import check_array, float_array
+from calib.checks import BoolArray, FloatArray, IntArray, check_array, float_array
 
 LARGEST = 1 << 30
 """Most voxels of a grid: one gigabyte of bool."""
@@ -22,7 +22,7 @@ class VoxelGrid:
         ValueError: A value has the wrong shape or is impossible.
     """
 
-    origin_m: NDArray[np.float64]
+    origin_m: FloatArray
     """(3,) float64, world, m: the lower corner of voxel (0, 0, 0). What is given is moved to the
     nearest lattice point."""
     voxel_size_m: float  #: Edge of a voxel, m.
@@ -58,18 +58,16 @@ class VoxelGrid:
         return cls(low * voxel_size_m, voxel_size_m, (nx, ny, nz))
 
     @property
-    def lattice(self) -> NDArray[np.int64]:
+    def lattice(self) -> IntArray:
         """(3,) int64: the lattice coordinates of voxel (0, 0, 0), in voxels."""
         return np.rint(self.origin_m / self.voxel_size_m).astype(np.int64)
 
     @property
-    def size_m(self) -> NDArray[np.float64]:
+    def size_m(self) -> FloatArray:
         """(3,) float64: edges of the box, m."""
         return np.array(self.shape) * self.voxel_size_m
 
-    def axes(
-        self, multiple: int = 1
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def axes(self, multiple: int = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
         """World coordinates (n,) of the centres along x, y, z, m, on to a multiple of so many."""
         # From the lattice and not from the origin, so that the same voxel has the same bits in
         # every grid.
@@ -80,18 +78,18 @@ class VoxelGrid:
         )
         return x, y, z
 
-    def centres(self, indices: ArrayLike) -> NDArray[np.float64]:
+    def centres(self, indices: ArrayLike) -> FloatArray:
         """Returns the centres of voxels (N, 3) int, (N, 3) float64, world, m."""
         return np.asarray(
             (self.lattice + np.asarray(indices) + 0.5) * self.voxel_size_m, dtype=np.float64
         )
 
-    def occupied_points(self, occupancy: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def occupied_points(self, occupancy: BoolArray) -> FloatArray:
         """Centres (N, 3) float64, world, m, of the voxels in `occupancy` (nx, ny, nz) bool."""
         check_array("occupancy", occupancy, self.shape)
         return self.centres(np.argwhere(occupancy))
 
-    def cropped(self, occupancy: NDArray[np.bool_]) -> tuple["VoxelGrid", NDArray[np.bool_]]:
+    def cropped(self, occupancy: BoolArray) -> tuple["VoxelGrid", BoolArray]:
         """Returns the part of the grid that holds every occupied voxel.
 
         Raises:

@@ -5,20 +5,17 @@ from typing import Literal
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from calib.checks import check_array
+from calib.checks import BoolArray, FloatArray, IntArray, check_array
 from calib.storage.atomic import replacing
 from voxelpose.multiview.carving.grid import VoxelGrid
 
 _RELAXATIONS = 5
 
 
-def surface(
-    grid: VoxelGrid, occupancy: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def surface(grid: VoxelGrid, occupancy: BoolArray) -> tuple[FloatArray, IntArray]:
     """Closed triangle mesh around the occupied voxels, a manifold: two triangles at every edge.
 
     There is one vertex for every eight neighbouring voxels that are neither all occupied nor all
@@ -55,7 +52,7 @@ def surface(
 def write_ply(
     path: Path | str,
     grid: VoxelGrid,
-    occupancy: NDArray[np.bool_],
+    occupancy: BoolArray,
     style: Literal["surface", "voxels"] = "surface",
 ) -> None:
     """Writes the hull as a binary PLY file, in metres; no partial file is left behind.
@@ -79,9 +76,7 @@ def write_ply(
         shape.export(file, file_type="ply")
 
 
-def _faces(
-    padded: NDArray[np.bool_], axis: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _faces(padded: BoolArray, axis: int) -> tuple[IntArray, IntArray, IntArray]:
     """Faces between neighbours along `axis` of which one is occupied.
 
     Returns:
@@ -104,9 +99,7 @@ def _faces(
     )
 
 
-def _joined(
-    corners: NDArray[np.int64], inside: NDArray[np.int64], outside: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _joined(corners: IntArray, inside: IntArray, outside: IntArray) -> IntArray:
     """Vertices (Q, 4) of faces, each face joined with one other at each of its edges.
 
     Of four faces at one edge, those of one occupied voxel are joined. Where such an edge would
@@ -130,12 +123,12 @@ def _joined(
     return vertex.reshape(-1, 4)
 
 
-def _pairs(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+def _pairs(one: IntArray, other: IntArray) -> IntArray:
     """One number for each pair of numbers, in either order."""
     return np.minimum(one, other) * (1 + max(one.max(), other.max())) + np.maximum(one, other)
 
 
-def _relaxed_shifts(quads: NDArray[np.int64], cells: NDArray[np.int64]) -> NDArray[np.float64]:
+def _relaxed_shifts(quads: IntArray, cells: IntArray) -> FloatArray:
     """Shifts (V, 3), in voxels, of the vertices from the centres of their cells (V, 3)."""
     count = len(cells)
     ends = np.concatenate([quads[:, [i, (i + 1) % 4]] for i in range(4)])

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from calib.checks import BoolArray, Float32Array, FloatArray
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.observe import HullObserver
@@ -21,12 +21,10 @@ from voxelpose.multiview.silhouettes.mask_store import MaskStore, mask_stores
 from voxelpose.multiview.silhouettes.observation_store import OtherPeople
 from voxelpose.multiview.tuning import CARVING
 
-Masks = list[NDArray[np.bool_]]
+Masks = list[BoolArray]
 
 
-def hull_pieces(
-    masks: Masks, axes_m: NDArray[np.float64], observer: HullObserver
-) -> list[Masks | None]:
+def hull_pieces(masks: Masks, axes_m: FloatArray, observer: HullObserver) -> list[Masks | None]:
     """Where the hull near each of N people is seen, as far as limbs reach: (h, w) bool in every
     camera.
 
@@ -49,7 +47,7 @@ def hull_pieces(
 
 
 def seen_pieces(
-    pieces: Sequence[Masks | None], seen: Sequence[Sequence[NDArray[np.bool_]]]
+    pieces: Sequence[Masks | None], seen: Sequence[Sequence[BoolArray]]
 ) -> list[Masks | None]:
     """Pieces, with what the pose network sees of somebody instead where it does; others have no
     share in that.
@@ -71,7 +69,7 @@ def seen_pieces(
     return [people.get(k) for k in range(len(pieces))]
 
 
-def _overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
+def _overlap(one: BoolArray, other: BoolArray) -> float:
     """Intersection over union of two masks (h, w)."""
     return float(np.count_nonzero(one & other) / max(np.count_nonzero(one | other), 1))
 
@@ -105,7 +103,7 @@ def own_and_unknown(
     return silhouettes, unknown
 
 
-def _distance_px(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _distance_px(mask: BoolArray) -> Float32Array:
     """Distance (h, w) of every pixel from a mask; infinite from an empty one."""
     if not mask.any():
         return np.full(mask.shape, np.inf, np.float32)
@@ -117,7 +115,7 @@ def _distance_px(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
 def silhouettes_of(
     store: MaskStore,
     pieces: Iterator[Sequence[Masks | None]],
-    places_m: NDArray[np.float64],
+    places_m: FloatArray,
     views: PinholeViews,
 ) -> Iterator[list[tuple[MaskStore, OtherPeople]]]:
     """Each person's silhouettes, and what others leave open of them, for a `with` block.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.image.cleanup import dilated
@@ -48,7 +48,7 @@ _TOGETHER = 16  # frames
 
 def people_places(
     prepared: PreparedSilhouettes, people: int | None, clock: StageClock, reporter: Reporter
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[FloatArray, FloatArray]:
     """About where everybody is, (N, T, 3) float64, m, in the upright frame; NaN: not there. Then
     the same of things, such as a chair that is carried in.
 
@@ -95,7 +95,7 @@ def people_places(
     return places_m, things_m
 
 
-def _most_at(prepared: PreparedSilhouettes, steps: NDArray[np.int64], time_s: float) -> int:
+def _most_at(prepared: PreparedSilhouettes, steps: IntArray, time_s: float) -> int:
     """How many people there are at most at a time: as many as the pose network sees together within
     the time for which somebody may be hidden.
 
@@ -109,11 +109,8 @@ def _most_at(prepared: PreparedSilhouettes, steps: NDArray[np.int64], time_s: fl
 
 
 def _each_person(
-    prepared: PreparedSilhouettes,
-    tracks_m: NDArray[np.float64],
-    people: int | None,
-    reporter: Reporter,
-) -> NDArray[np.float64]:
+    prepared: PreparedSilhouettes, tracks_m: FloatArray, people: int | None, reporter: Reporter
+) -> FloatArray:
     """Where N people stand, (N, T, 2) float64, of K tracks (K, T, 2), since who comes back is the
     same person; those who are longest there first.
     """
@@ -141,7 +138,7 @@ def _each_person(
     return axes_m[order]
 
 
-def absences(places_m: NDArray[np.float64]) -> list[tuple[int, int]]:
+def absences(places_m: FloatArray) -> list[tuple[int, int]]:
     """The last frame before and the first after each time in which somebody, places (T, D), NaN:
     not there, was away and came back.
     """
@@ -163,8 +160,8 @@ class PeopleTrack:
 
     work: TrackWork
     prepared: PreparedSilhouettes
-    places_m: NDArray[np.float64]
-    things_m: NDArray[np.float64]
+    places_m: FloatArray
+    things_m: FloatArray
     resources: ExitStack
 
     def track(self) -> list[tuple[PoseTracker, Facts]]:

@@ -5,10 +5,10 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from calib.camera import Camera, Rig
+from calib.checks import BoolArray, FloatArray, IntArray
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import Settings
@@ -39,7 +39,7 @@ class FoundPerson:
     model: BodyModel
     fit: PoseFit
     moment: Moment
-    visibility: NDArray[np.float64]
+    visibility: FloatArray
 
 
 class PoseFollowers:
@@ -127,13 +127,13 @@ class PoseFollowers:
             self._note(int(lost[row]), axes_m[column], time_s)
         self._there[lost] &= time_s - self._seen_s[lost] <= HIDDEN_S
 
-    def _note(self, person: int, place_m: NDArray[np.float64], time_s: float) -> None:
+    def _note(self, person: int, place_m: FloatArray, time_s: float) -> None:
         """Notes where somebody is."""
         self._places_m[person], self._seen_s[person], self._there[person] = place_m, time_s, True
 
     def _free(
-        self, views: PinholeViews, masks: Masks, others: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        self, views: PinholeViews, masks: Masks, others: IntArray
+    ) -> tuple[FloatArray, BoolArray]:
         """Places (n, 2) of people whom nobody follows, and whether (n,) they are upright."""
         rule = body_rule(len(masks), 0)
         try:
@@ -164,9 +164,7 @@ def _found(one: PoseFollower, moment: Moment, rig: Rig) -> FoundPerson | None:
     return FoundPerson(body.model, fit, moment, visibility)
 
 
-def _is_seen(
-    camera: Camera, points_m: NDArray[np.float64], unknown: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _is_seen(camera: Camera, points_m: FloatArray, unknown: BoolArray) -> BoolArray:
     """(n,) whether points (n, 3) are in a camera's picture, and where something is known."""
     pixels, _ = camera.project(points_m)
     column, row = np.rint(pixels).astype(int).T

@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.optimize import linear_sum_assignment
 
+from calib.checks import BoolArray, ByteArray, FloatArray, IntArray
 from silhouette_core.ranking import rounded
 from voxelpose.multiview.carving.footprint import footprint
 from voxelpose.multiview.carving.observe import HullObserver
@@ -34,12 +34,12 @@ _MOST_SETS = 40  # of people in a frame, which are compared over time
 class PeopleSets:
     """Sets of people that may be in one frame, the most likely ones."""
 
-    axes_m: NDArray[np.float64]
+    axes_m: FloatArray
     """(n, 2) float64, places where somebody may be, in the world's xy plane, m."""
-    upright: NDArray[np.bool_]
+    upright: BoolArray
     """(n,) bool, whether the hull is as high there as of somebody who sits or stands."""
-    members: list[NDArray[np.int64]]  #: K arrays of indices into `axes_m`.
-    cost: NDArray[np.float64]
+    members: list[IntArray]  #: K arrays of indices into `axes_m`.
+    cost: FloatArray
     """(K,) float64, what each set costs: of the silhouettes, the share of a person in the mean
     camera that it leaves unexplained, and `PEOPLE.needed` for each of its people."""
 
@@ -58,7 +58,7 @@ class PresenceSearch:
         self._person_px = PEOPLE.seen_m2 * (metre_px(observer) / _REDUCED) ** 2
 
     def sets(
-        self, masks: list[NDArray[np.bool_]], most: int, before_m: NDArray[np.float64] | None = None
+        self, masks: list[BoolArray], most: int, before_m: FloatArray | None = None
     ) -> PeopleSets:
         """Sets of people that silhouettes (h, w) bool of all cameras allow, best first.
 
@@ -75,9 +75,7 @@ class PresenceSearch:
         members, cost = self._ranked(explained, seen, most)
         return PeopleSets(axes, upright, members, cost)
 
-    def _axes(
-        self, hull: NDArray[np.bool_], before_m: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def _axes(self, hull: BoolArray, before_m: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Places (n, 2) where the hull is thickest, or where somebody was before, and somebody may
         stand, crouch or sit, and whether (n,) upright.
         """
@@ -90,7 +88,7 @@ class PresenceSearch:
         # Of what is seen of people's feet; where the volume begins is lower.
         floor_m = float(np.quantile(z[hull.nonzero()[2]], 0.01)) if hull.any() else 0.0
 
-        def reaches(height_m: float) -> NDArray[np.bool_]:
+        def reaches(height_m: float) -> BoolArray:
             above = hull[:, :, z >= floor_m + height_m].any(axis=2)
             return np.asarray(maximum_filter(above, footprint=disc), np.bool_)
 
@@ -107,8 +105,8 @@ class PresenceSearch:
         return axes, reaches(PEOPLE.upright_m)[*cells.T]
 
     def _explained(
-        self, hull: NDArray[np.bool_], axis_m: NDArray[np.float64], seen: list[NDArray[np.bool_]]
-    ) -> list[NDArray[np.bool_]]:
+        self, hull: BoolArray, axis_m: FloatArray, seen: list[BoolArray]
+    ) -> list[BoolArray]:
         """Pixels of each reduced silhouette that the hull near an axis (2,) covers."""
         grid = self._observer.coarse
         x, y, _ = grid.axes()
@@ -117,13 +115,13 @@ class PresenceSearch:
         return [footprint(column, grid, camera, mask) for camera, mask in pairs]
 
     def _ranked(
-        self, explained: list[list[NDArray[np.bool_]]], seen: list[NDArray[np.bool_]], most: int
-    ) -> tuple[list[NDArray[np.int64]], NDArray[np.float64]]:
+        self, explained: list[list[BoolArray]], seen: list[BoolArray], most: int
+    ) -> tuple[list[IntArray], FloatArray]:
         """The cheapest sets of people at some axes, and their costs."""
         packed = [[np.packbits(mask) for mask in masks] for masks in explained]
         whole = [np.packbits(mask) for mask in seen]
         empty = [np.zeros_like(bits) for bits in whole]
-        grown: list[tuple[tuple[int, ...], list[NDArray[np.uint8]]]] = [((), empty)]
+        grown: list[tuple[tuple[int, ...], list[ByteArray]]] = [((), empty)]
         sets = list(grown)
         for _ in range(min(most, len(explained))):
             grown = [
@@ -136,9 +134,7 @@ class PresenceSearch:
         order = np.argsort(cost, kind="stable")[:_MOST_SETS]
         return [np.array(sets[k][0], np.int64) for k in order], cost[order]
 
-    def _cost(
-        self, count: int, union: list[NDArray[np.uint8]], whole: list[NDArray[np.uint8]]
-    ) -> float:
+    def _cost(self, count: int, union: list[ByteArray], whole: list[ByteArray]) -> float:
         left = [
             int(np.bitwise_count(all_ & ~explained).sum()) / area
             for all_, explained, area in zip(whole, union, self._person_px, strict=True)
@@ -146,7 +142,7 @@ class PresenceSearch:
         return float(np.mean(left)) + PEOPLE.needed * count
 
 
-def metre_px(observer: HullObserver) -> NDArray[np.float64]:
+def metre_px(observer: HullObserver) -> FloatArray:
     """Pixels of a metre in the middle of the volume, (C,) float64 of all cameras."""
     middle = observer.volume.origin_m + 0.5 * observer.volume.size_m
     away_m = np.linalg.norm(observer.views.center_m - middle, axis=1)
@@ -177,19 +173,19 @@ def frames_of_nobody(prepared: PreparedSilhouettes) -> frozenset[int]:
     return frozenset(empty)
 
 
-def _reduced(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
+def _reduced(mask: BoolArray, size: tuple[int, int]) -> BoolArray:
     """A silhouette in a smaller image, by its nearest pixels."""
     small = cv2.resize(mask.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     return np.asarray(small, np.uint8).view(np.bool_)
 
 
-def _disc(radius_px: float) -> NDArray[np.uint8]:
+def _disc(radius_px: float) -> ByteArray:
     """A filled disc, as a structuring element."""
     side = 2 * int(radius_px) + 1
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
 
 
-def likeliest_sets(frames: Sequence[PeopleSets], elapsed_s: NDArray[np.float64]) -> list[int]:
+def likeliest_sets(frames: Sequence[PeopleSets], elapsed_s: FloatArray) -> list[int]:
     """Which set is taken in every frame: the cheapest sequence, by dynamic programming.
 
     Args:
@@ -208,7 +204,7 @@ def likeliest_sets(frames: Sequence[PeopleSets], elapsed_s: NDArray[np.float64])
     return taken[::-1]
 
 
-def _step_costs(before: PeopleSets, after: PeopleSets, seconds: float) -> NDArray[np.float64]:
+def _step_costs(before: PeopleSets, after: PeopleSets, seconds: float) -> FloatArray:
     """(K, K') float64: what it costs that each set follows upon each."""
     moved = moving_costs(before.axes_m, after.axes_m, seconds)
     costs = np.empty((len(before.members), len(after.members)))
@@ -221,9 +217,7 @@ def _step_costs(before: PeopleSets, after: PeopleSets, seconds: float) -> NDArra
     return costs
 
 
-def moving_costs(
-    before_m: NDArray[np.float64], after_m: NDArray[np.float64], seconds: float
-) -> NDArray[np.float64]:
+def moving_costs(before_m: FloatArray, after_m: FloatArray, seconds: float) -> FloatArray:
     """(n, m) float64: what it costs that somebody goes from each place to each; at most, vanishing
     there and appearing here.
     """
@@ -233,12 +227,12 @@ def moving_costs(
 
 
 def link_sets(
-    frames: Sequence[PeopleSets], taken: Sequence[int], elapsed_s: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    frames: Sequence[PeopleSets], taken: Sequence[int], elapsed_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Places (N, T, 2) float64 of N people over time, NaN where one is not there; and of things,
     which are upright at no time: one moment alone is a phantom's.
     """
-    tracks: list[NDArray[np.float64]] = []
+    tracks: list[FloatArray] = []
     upright: list[list[bool]] = []
     current: dict[int, int] = {}  # person by index of the axis
     for t, (frame, k) in enumerate(zip(frames, taken, strict=True)):
@@ -268,10 +262,10 @@ def link_sets(
 
 def find_people(
     observer: HullObserver,
-    frames: Iterable[list[NDArray[np.bool_]]],
-    times_s: NDArray[np.float64],
+    frames: Iterable[list[BoolArray]],
+    times_s: FloatArray,
     most: Sequence[int],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[FloatArray, FloatArray]:
     """Where people are in some frames of a recording, and what is as large and nobody.
 
     Args:
@@ -292,11 +286,11 @@ def find_people(
     return join_tracks(people, times_s), join_tracks(objects, times_s)
 
 
-def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def join_tracks(tracks: FloatArray, times_s: FloatArray) -> FloatArray:
     """Tracks (N, T, 2) in which somebody who was hidden for a while is one and not two: one that
     begins is the one that ended before where it can have come from there; between, on the way.
     """
-    people: list[NDArray[np.float64]] = []
+    people: list[FloatArray] = []
     for track in sorted(tracks, key=lambda one: int(np.isfinite(one[:, 0]).argmax())):
         first = int(np.isfinite(track[:, 0]).argmax())
         costs = []
@@ -318,9 +312,7 @@ def join_tracks(tracks: NDArray[np.float64], times_s: NDArray[np.float64]) -> ND
     return np.stack(people) if people else tracks
 
 
-def at_all_times(
-    axes_m: NDArray[np.float64], asked_s: NDArray[np.float64], times_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def at_all_times(axes_m: FloatArray, asked_s: FloatArray, times_s: FloatArray) -> FloatArray:
     """Axes (N, T, 2) of N people at T times, between those (N, K, 2) at K times; NaN where somebody
     is not there at the times asked before and after.
     """

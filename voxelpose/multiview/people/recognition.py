@@ -3,8 +3,8 @@
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, FloatArray
 from calib.moments import even_moments
 from silhouette_core.image.head_colours import coarse_histogram, quantise, unlikeness
 from silhouette_core.ranking import rounded
@@ -13,13 +13,13 @@ from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhoue
 from voxelpose.multiview.tracking.recording_track import REFIT_FRAMES
 
 
-def never_at_once(axes_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def never_at_once(axes_m: FloatArray) -> BoolArray:
     """(N, N) bool: which of N tracks (N, T, 2), NaN: not there, have no frame in common."""
     present = np.isfinite(axes_m[:, :, 0])
     return np.asarray(~(present[:, None] & present[None]).any(axis=2), np.bool_)
 
 
-def looks_of(prepared: PreparedSilhouettes, axes_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def looks_of(prepared: PreparedSilhouettes, axes_m: FloatArray) -> FloatArray:
     """Colours of N tracks: (N, n) float64, histograms of the pixels that only one of them explains.
 
     Args:
@@ -32,7 +32,7 @@ def looks_of(prepared: PreparedSilhouettes, axes_m: NDArray[np.float64]) -> NDAr
         {int(t) for track in present for t in track[even_moments(len(track), REFIT_FRAMES)]}
     )
     cameras = [*zip(footage.source.rig.names, footage.lenses, footage.late, strict=True)]
-    looks: list[list[NDArray[np.float64]]] = [[] for _ in axes_m]
+    looks: list[list[FloatArray]] = [[] for _ in axes_m]
     for t, frames in zip(steps, footage.source.at(steps), strict=True):
         for c, (name, lens, late) in enumerate(cameras):
             in_step = t - late  # as silhouettes are, not pictures
@@ -49,9 +49,7 @@ def looks_of(prepared: PreparedSilhouettes, axes_m: NDArray[np.float64]) -> NDAr
     return np.stack([mean / max(mean.sum(), np.finfo(float).tiny) for mean in means])
 
 
-def rejoined(
-    axes_m: NDArray[np.float64], looks: NDArray[np.float64] | None, people: int | None
-) -> list[list[int]]:
+def rejoined(axes_m: FloatArray, looks: FloatArray | None, people: int | None) -> list[list[int]]:
     """Which of N tracks are the same person's, who went and came back.
 
     Two are who look less than half as different as any two who are there at once.

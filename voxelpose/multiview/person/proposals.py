@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import STATURES_M, BodySizes
@@ -42,10 +42,7 @@ class FrameProposals:
 
     @classmethod
     def of(
-        cls,
-        poses: Sequence[ProposedPoses],
-        centers_m: NDArray[np.float64],
-        stature_m: float | None = None,
+        cls, poses: Sequence[ProposedPoses], centers_m: FloatArray, stature_m: float | None = None
     ) -> "FrameProposals":
         """From the poses of cameras (C, 3) for the usual stature: somebody who is farther away by a
         factor, is taller by it. The stature, m, may be known.
@@ -69,7 +66,7 @@ class FrameProposals:
         priors = [prior for one in self.poses for prior in one.probable(_STARTED)]
         return place_bodies(surface, observation, priors)
 
-    def cost(self, joints_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def cost(self, joints_m: FloatArray) -> FloatArray:
         """Cost (K,), nats, of poses with joints (K, 15, 3), m: the mean of the cameras'."""
         return np.mean([one.cost(joints_m) for one in self.poses], axis=0)
 
@@ -157,7 +154,7 @@ def triangulated(seen: Mapping[int, SeenJoints], views: PinholeViews) -> Landmar
     across = np.eye(3) - rays[..., :, None] * rays[..., None, :]
     freedom, weight = REFINEMENT.student_freedom, sigma**-2
 
-    def nearest() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def nearest() -> tuple[FloatArray, FloatArray]:
         precision = np.einsum("cl,clij->lij", weight, across)
         target = np.einsum("cl,clij,cj->li", weight, across, centres)
         return np.linalg.solve(precision, target[..., None])[..., 0], precision
@@ -171,7 +168,7 @@ def triangulated(seen: Mapping[int, SeenJoints], views: PinholeViews) -> Landmar
     return LandmarkPrior(joints - joints[0], precision, joints[0], precision[0])
 
 
-def bone_length_m(joints_m: NDArray[np.float64]) -> float:
+def bone_length_m(joints_m: FloatArray) -> float:
     """Length of trunk and limbs together, of joints (15, 3), m."""
     first, second = _BONES.T
     return float(np.linalg.norm(joints_m[first] - joints_m[second], axis=1).sum())

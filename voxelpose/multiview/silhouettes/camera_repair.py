@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.agreement import SUBFRAME, agreement
 from calib.camera import Rig
+from calib.checks import BoolArray, FloatArray, IntArray
 from calib.errors import InputError
 from calib.moments import even_moments
 from calib.repair import Repair, explain
@@ -22,7 +22,7 @@ _MOMENTS = 12
 _MOST_LATE = 12  # frames
 _FEWEST = 4  # cameras: of three, the two others tell too little
 _REMEDY = "voxelpose calibrate check RECORDING --repair OUT"
-Unknown = Sequence[NDArray[np.bool_]] | None
+Unknown = Sequence[BoolArray] | None
 _LOOK = f"look at the silhouettes (voxelpose view), and see {_REMEDY}"
 
 
@@ -51,7 +51,7 @@ class RepairedCameras:
 def repair_cameras(
     rig: Rig,
     store: MaskStore,
-    times_s: NDArray[np.float64],
+    times_s: FloatArray,
     fps: float,
     *,
     put_right: bool,
@@ -132,15 +132,15 @@ def _is_small(repair: Repair) -> bool:
 def _tracks(
     rig: Rig,
     store: MaskStore,
-    frames: NDArray[np.int64],
-    times_s: NDArray[np.float64],
+    frames: IntArray,
+    times_s: FloatArray,
     unknown: Unknown,
     names: Sequence[str] | None = None,
 ) -> dict[str, OutlineTrack]:
     """Outlines of some frames, of all cameras or of those named."""
     hidden = [None] * len(rig) if unknown is None else unknown
     chosen = [c for c, name in enumerate(rig.names) if names is None or name in names]
-    masks: dict[int, list[NDArray[np.bool_]]] = {c: [] for c in chosen}
+    masks: dict[int, list[BoolArray]] = {c: [] for c in chosen}
     for frame in frames.tolist():
         seen = store[frame]
         for c in chosen:

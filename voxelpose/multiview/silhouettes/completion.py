@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray
 from calib.components import label_components
 from silhouette_core.image.cleanup import clean, dilated
 from silhouette_core.image.difference import window_radius
@@ -22,7 +22,7 @@ from voxelpose.multiview.carving.kernels.footprint import mark_voxels
 from voxelpose.multiview.carving.observe import widened
 from voxelpose.multiview.tuning import CARVING, COMPLETION
 
-Masks = list[NDArray[np.bool_]]
+Masks = list[BoolArray]
 """A mask (h, w) bool per camera."""
 
 _THIN_PX = 5  # narrower pieces are edges
@@ -73,16 +73,14 @@ class SilhouetteCompletion:
             completed.append(mask | _opened(added & ~mask))
         return views.without_unknown(completed)
 
-    def _without_holes(self, mask: NDArray[np.bool_], c: int) -> NDArray[np.bool_]:
+    def _without_holes(self, mask: BoolArray, c: int) -> BoolArray:
         """Mask (h, w) without narrow gaps and small holes."""
         square = np.ones((4 * self._radius[c] + 1,) * 2, np.uint8)
         closed = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_CLOSE, square)
         most_px = round(COMPLETION.hole_share * mask.size)
         return clean(np.asarray(closed, np.uint8).view(np.bool_), max_hole_px=most_px)
 
-    def _unexplained(
-        self, mask: NDArray[np.bool_], hull: NDArray[np.bool_], c: int
-    ) -> NDArray[np.bool_]:
+    def _unexplained(self, mask: BoolArray, hull: BoolArray, c: int) -> BoolArray:
         """Pixels (h, w) of a silhouette's components that show the hull, and more than it."""
         explained = mask & self._footprint(hull, c)
         if not explained.any():
@@ -92,7 +90,7 @@ class SilhouetteCompletion:
         shows[components.labels[explained]] = True
         return _opened(shows[components.labels] & ~explained)
 
-    def _footprint(self, hull: NDArray[np.bool_], c: int) -> NDArray[np.bool_]:
+    def _footprint(self, hull: BoolArray, c: int) -> BoolArray:
         """Pixels (h, w) of a camera into which voxels project, without gaps between them."""
         camera = self._views.rig.cameras[c]
         marked = np.zeros(camera.size[::-1], np.uint8)
@@ -100,7 +98,7 @@ class SilhouetteCompletion:
         return dilated(marked.view(np.bool_), int(np.ceil(1.5 * self._voxel_px[c])) | 1)
 
 
-def _opened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _opened(mask: BoolArray) -> BoolArray:
     square = np.ones((_THIN_PX, _THIN_PX), np.uint8)
     opened = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, square)
     return np.asarray(opened, np.uint8).view(np.bool_)

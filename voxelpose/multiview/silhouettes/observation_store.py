@@ -7,8 +7,8 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import BoolArray, FloatArray
 from calib.storage.temporary import ScratchFile
 from silhouette_core.image.seen_joints import SeenJoints
 from silhouette_core.progress import Reporter, StageClock
@@ -17,7 +17,7 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import COMPONENT, FrameObservation, HullObserver
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 
-JointsOf = Callable[[int, int, NDArray[np.bool_]], SeenJoints | None]
+JointsOf = Callable[[int, int, BoolArray], SeenJoints | None]
 """Joints of the person with a silhouette, by the number of the camera and of the frame."""
 _NOWHERE = -1
 _TOGETHER = 16  # frames
@@ -58,8 +58,8 @@ class OtherPeople:
     """What the silhouettes of one person's T frames leave open, since there are others."""
 
     unknown: MaskStore  #: where others are, or may be.
-    places_m: NDArray[np.float64]  #: (T, 3) float64, about where the person is; NaN: not there.
-    hidden: NDArray[np.float64]  #: (T,) float64, share of the person that others may hide.
+    places_m: FloatArray  #: (T, 3) float64, about where the person is; NaN: not there.
+    hidden: FloatArray  #: (T,) float64, share of the person that others may hide.
 
 
 class ObservationStore:

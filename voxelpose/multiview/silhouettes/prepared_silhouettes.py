@@ -7,10 +7,9 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Rig
-from calib.checks import FloatArray
+from calib.checks import BoolArray, FloatArray
 from calib.moments import even_moments
 from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
@@ -65,7 +64,7 @@ class Footage:
         """`late_frames` of all cameras, in their order."""
         return [self.late_frames.get(name, 0) for name in self.source.rig.names]
 
-    def joints(self, camera: int, t: int, mask: NDArray[np.bool_]) -> SeenJoints | None:
+    def joints(self, camera: int, t: int, mask: BoolArray) -> SeenJoints | None:
         """Joints that the network sees of the person with a silhouette, see `JointsOf`."""
         name = self.source.rig.names[camera]
         if self.people is None:
@@ -73,9 +72,9 @@ class Footage:
         people = self.people.of(name, t + self.late_frames.get(name, 0))
         return joints_of_silhouette(people, self.source.rig[name], mask)
 
-    def people_masks(self, t: int) -> list[list[NDArray[np.bool_]]]:
+    def people_masks(self, t: int) -> list[list[BoolArray]]:
         """Where the network sees each of the people in a frame, (h, w) bool by pinhole camera."""
-        frame_masks: list[list[NDArray[np.bool_]]] = []
+        frame_masks: list[list[BoolArray]] = []
         for camera, late, lens in zip(self.source.rig, self.late, self.lenses, strict=True):
             people = {} if self.people is None else self.people.of(camera.name, t + late)
             size = lens.pinhole.size

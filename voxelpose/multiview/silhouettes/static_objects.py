@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from calib.checks import BoolArray
 from calib.components import label_components
 from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
@@ -26,7 +26,7 @@ from voxelpose.multiview.tuning import CARVING, STATIC_OBJECTS
 
 _FRAMES = 24
 
-Mask = NDArray[np.bool_]
+Mask = BoolArray
 Masks = list[Mask]
 
 
@@ -96,9 +96,7 @@ def find_static_objects(
     return StaticObjects(wide, apart)
 
 
-def _apart(
-    voxels: NDArray[np.bool_], grid: VoxelGrid, model: BodyModel, poses: Sequence[Pose]
-) -> bool:
+def _apart(voxels: BoolArray, grid: VoxelGrid, model: BodyModel, poses: Sequence[Pose]) -> bool:
     """Whether voxels stay away from the body's surface in all poses, in pieces too small for
     people.
     """
@@ -122,9 +120,7 @@ def _around_body(model: BodyModel, pose: Pose, views: PinholeViews) -> Masks:
     return bodies
 
 
-def _carved(
-    always: Masks, witnessed: Masks, grid: VoxelGrid, observer: HullObserver
-) -> NDArray[np.bool_]:
+def _carved(always: Masks, witnessed: Masks, grid: VoxelGrid, observer: HullObserver) -> BoolArray:
     """Voxels that are always foreground, and witnessed."""
     views = observer.views
     wide = [dilated(pixels, 3) for pixels in always]
@@ -134,14 +130,14 @@ def _carved(
     return static & carve(views.rig, witnessed, grid, rule)
 
 
-def _large_pieces(voxels: NDArray[np.bool_], grid: VoxelGrid) -> NDArray[np.bool_]:
+def _large_pieces(voxels: BoolArray, grid: VoxelGrid) -> BoolArray:
     components = label_components(voxels)
     large = components.sizes * grid.voxel_size_m**3 >= CARVING.smallest_m3
     large[0] = False
     return large[components.labels]
 
 
-def _widened(pixels: NDArray[np.bool_], grid: VoxelGrid, views: PinholeViews, c: int) -> Mask:
+def _widened(pixels: BoolArray, grid: VoxelGrid, views: PinholeViews, c: int) -> Mask:
     """Pixels and those around them, up to the outline of the body beside them."""
     camera = views.rig.cameras[c]
     middle_m = grid.origin_m + 0.5 * grid.size_m

@@ -8,9 +8,9 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.camera import Rig
+from calib.checks import BoolArray, ByteArray, FloatArray
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.dynamics import MOMENTUM, elapsed_steps, pose_step_sigma
 from silhouette_core.motion.pose import Pose
@@ -28,14 +28,14 @@ from voxelpose.multiview.proposers.pose_search import (
 )
 from voxelpose.multiview.tuning import TRACKING
 
-Masks = Mapping[str, NDArray[np.bool_]]
+Masks = Mapping[str, BoolArray]
 
 RECENT = 12
 """Frames whose median error is the usual one: 0.4 s."""
 _REDUCED = 8  # of the images in which the surroundings of a body are drawn
 
 
-_Bits = dict[str, tuple[NDArray[np.uint8], int]]
+_Bits = dict[str, tuple[ByteArray, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Moment:
         """Packs silhouettes, and what is unknown, (h, w) bool by camera name."""
         return cls(time_s, _packed(masks), None if unknown is None else _packed(unknown))
 
-    def masks(self) -> dict[str, NDArray[np.bool_]]:
+    def masks(self) -> dict[str, BoolArray]:
         """Silhouettes (h, w) bool by camera name."""
         return _unpacked(self.bits)
 
@@ -69,7 +69,7 @@ def _packed(masks: Masks) -> _Bits:
     return {name: (np.packbits(mask, axis=1), mask.shape[1]) for name, mask in masks.items()}
 
 
-def _unpacked(bits: _Bits) -> dict[str, NDArray[np.bool_]]:
+def _unpacked(bits: _Bits) -> dict[str, BoolArray]:
     return {
         name: np.unpackbits(rows, axis=1, count=width).view(bool)
         for name, (rows, width) in bits.items()
@@ -149,7 +149,7 @@ class BodyTrack:
         return self.step(observed_near(self.body, rig, moment, pose), moment.time_s)
 
 
-def process_noise(tree: KinematicTree, steps: float) -> NDArray[np.float64]:
+def process_noise(tree: KinematicTree, steps: float) -> FloatArray:
     """Standard deviations (6 + D,) of a pose's coordinates after a time in units of 1 / `FPS`."""
     return min(steps, TRACKING.longest_steps) * pose_step_sigma(tree)
 

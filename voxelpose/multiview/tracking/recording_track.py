@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calib.checks import IntArray
 from calib.moments import even_moments
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_AXES
@@ -101,7 +101,7 @@ class TrackWork:
     known: BodyModel | None
     clock: StageClock
     reporter: Reporter
-    numbers: NDArray[np.int64] | None = None  #: of the frames; None: none is left out.
+    numbers: IntArray | None = None  #: of the frames; None: none is left out.
 
     def of_anybody(self) -> "TrackWork":
         """The same of somebody of whom nothing was told: what was, is one person's of several."""

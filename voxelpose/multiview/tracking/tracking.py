@@ -11,8 +11,9 @@ from contextlib import AbstractContextManager
 from threading import Lock
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from calib.checks import FloatArray
 from silhouette_core.motion.dynamics import pose_step_sigma
 from silhouette_core.motion.kinematics import joints_of
 from silhouette_core.motion.pose import Pose
@@ -260,6 +261,6 @@ class PoseTracker:
         )
 
 
-def _costs(errors: ArrayLike) -> NDArray[np.float64]:
+def _costs(errors: ArrayLike) -> FloatArray:
     """Costs of poses by their silhouette errors, nats, up to a constant; see `posterior`."""
     return OFF_LINE.frame_residuals * np.log(np.maximum(errors, 1e-6))
