@@ -14,15 +14,12 @@ def registered(group: str) -> dict[str, EntryPoint]:
 
 
 def load_registered(group: str, kind: str, protocol: type[T], name: str) -> T:
-    """Imports a registered class and returns a new object of it.
+    """Imports a registered class and returns a new object of it. Raises InputError where none is
+    registered under this name; TypeError where what is registered does not fulfil the protocol.
 
     Args:
         kind: What its classes are, for messages.
         protocol: Runtime-checkable protocol that they fulfil.
-
-    Raises:
-        InputError: None is registered under this name.
-        TypeError: What is registered does not fulfil the protocol.
     """
     points = registered(group)
     if name not in points:

@@ -55,11 +55,7 @@ def compile_for(function: Any, types: str) -> None:
 
 
 def check_threads(threads: int | None) -> None:
-    """Checks a number of threads; None is all.
-
-    Raises:
-        InputError: it is less than one.
-    """
+    """Checks a number of threads; None is all. Raises InputError where it is less than one."""
     if threads is not None and threads < 1:
         raise InputError(
             f"{threads} threads cannot work: give --threads 1 or more, or leave it out"
@@ -70,15 +66,13 @@ def set_threads(threads: int | None = None) -> int:
     """Sets how many threads the parallel kernels use, and keeps OpenCV to the calling thread.
 
     Pictures are worked on side by side, so that threads within one would only wait for each other.
+    Raises InputError for fewer than one.
 
     Args:
         threads: at least 1; None means all cores that numba detects.
 
     Returns:
         The number of threads in use.
-
-    Raises:
-        InputError: fewer than one thread.
     """
     available = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
     check_threads(threads)

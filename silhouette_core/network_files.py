@@ -46,10 +46,8 @@ def network_folder() -> Path:
 
 
 def installed_network(use: NetworkUse = "auto") -> Path | None:
-    """The network's file; None where none is installed, or none shall be used.
-
-    Raises:
-        InputError: there is no such use; what is installed is not the network.
+    """The network's file; None where none is installed, or none shall be used. Raises InputError
+    where there is no such use, or what is installed is not the network.
     """
     if use not in get_args(NetworkUse):
         raise InputError(f"network = {str(use)[:40]!r} must be auto or off")

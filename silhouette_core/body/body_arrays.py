@@ -47,11 +47,8 @@ def body_arrays(model: BodyModel) -> tuple[dict[str, NDArray], str]:
 
 def body_from_arrays(arrays: Mapping[str, NDArray], text: str) -> BodyModel:
     """Body of arrays and text as `body_arrays` gives them, from a file that may hold anything.
-
-    Raises:
-        KeyError: something is missing.
-        TypeError: something is of another type.
-        ValueError: a shape, an index or a number is such as no body has.
+    Raises KeyError where something is missing; TypeError where something is of another type;
+    ValueError where a shape, an index or a number is such as no body has.
     """
     tree = _tree(text)
     parts = len(tree.names)

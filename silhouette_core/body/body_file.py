@@ -53,10 +53,8 @@ class _BodyFile(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def read_body(path: Path) -> BodyModel:
-    """Body of a body.toml.
-
-    Raises:
-        InputError: it cannot be read, is no such file, or holds what no body has.
+    """Body of a body.toml. Raises InputError where it cannot be read, is no such file, or holds
+    what no body has.
     """
     return _made(_checked(parse_toml(load_text(path, _LARGEST_BYTES), path), path), path)
 

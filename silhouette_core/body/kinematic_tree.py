@@ -42,14 +42,12 @@ class KinematicTree:
         ends: Mapping[str, str] | None = None,
         root_fixed: bool = False,
     ) -> "KinematicTree":
-        """Tree of a table of parts, whose joints are landmarks under the parts' own names.
+        """Tree of a table of parts, whose joints are landmarks under the parts' own names. Raises
+        InputError where a name is given twice, or a parent does not come before its part.
 
         Args:
             parts: name, parent's name (empty for the root, the first) and degrees of freedom.
             ends: name of a further landmark, at the end of a part -> that part.
-
-        Raises:
-            InputError: a name is given twice, or a parent does not come before its part.
         """
         names, ends = tuple(name for name, _, _ in parts), dict(ends or {})
         if len({*names, *ends}) < len(names) + len(ends):

@@ -52,14 +52,11 @@ _CHILD_HEAD = {"head_length": 30, "head_girth": 36, "neck_girth": 12, "foot_leng
 
 def body_from_measurements(wanted: BodyMeasurements, sex: str = "unknown") -> BodyModel:
     """Body whose measurements, taken on its mesh, are the wanted ones; its `sizes` and `shape` make
-    it again.
+    it again. Raises InputError where a measurement is no person's, or no body has all of them.
 
     Args:
         wanted: the stature, and what else is known.
         sex: "male", "female" or "unknown", which takes the man's template.
-
-    Raises:
-        InputError: a measurement is no person's, or no body has all of them.
     """
     check_measurements(wanted, sex)
     family = _family("female" if sex == "female" else "male")

@@ -40,10 +40,8 @@ class BodyModel:
 
     @property
     def sizes(self) -> BodySizes:
-        """Measurements of the person.
-
-        Raises:
-            InputError: the body is not made from a person's measurements.
+        """Measurements of the person. Raises InputError where the body is not made from a person's
+        measurements.
         """
         if self.person is None:
             raise InputError(
@@ -191,10 +189,8 @@ class BodyModel:
 
 
 def read_template(sex: str) -> BodyModel:
-    """Template body of a sex, the man's for an unknown one.
-
-    Raises:
-        InputError: its file is missing from the installation.
+    """Template body of a sex, the man's for an unknown one. Raises InputError where its file is
+    missing from the installation.
     """
     name = "woman" if sex == "female" else "man"
     path = Path(__file__).with_name(f"{name}.safetensors")

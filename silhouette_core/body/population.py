@@ -71,10 +71,8 @@ def sex_probability(sex: str, stature_m: float) -> float:
 
 
 def check_measurements(measurements: BodyMeasurements, sex: str) -> None:
-    """Checks that each measurement is one that a person of this stature may have.
-
-    Raises:
-        InputError: one is not; the line names it and what is usual.
+    """Checks that each measurement is one that a person of this stature may have. Raises InputError
+    where one is not; the line names it and what is usual.
     """
     BodySizes(measurements.stature_m, sex=sex)
     for name, value in measurements.known().items():

@@ -62,14 +62,12 @@ def nearest_preset(stature_m: float, chest_m: float | None, sex: str = "unknown"
     """The preset that is closest in stature and chest girth.
 
     The paper states no measure of closeness: here each difference is divided by the standard
-    deviation over the presets that are compared, and the squares are added.
+    deviation over the presets that are compared, and the squares are added. Raises InputError where
+    a measurement is no person's.
 
     Args:
         chest_m: chest or bust girth; None: only the stature counts.
         sex: "male", "female" or "unknown", for which all 24 are compared.
-
-    Raises:
-        InputError: a measurement is no person's.
 
     Source: Okada and Stenger, section 7.
     """

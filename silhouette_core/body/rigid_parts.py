@@ -53,16 +53,14 @@ def body_of_parts(
     shapes: Sequence[Sequence[RigidShape]],
     landmarks_m: np.ndarray | None = None,
 ) -> BodyModel:
-    """Body whose surface is a few closed pieces, each moved by one part. Pieces may overlap.
+    """Body whose surface is a few closed pieces, each moved by one part. Pieces may overlap. Raises
+    InputError where no part has a piece, or a number is not one of a body's.
 
     Args:
         tree: P parts and L landmarks.
         joints_m: (P, 3) the parts' joints at rest, in the body frame (z up, facing -y).
         shapes: the pieces of each part; none for a part that only carries others.
         landmarks_m: (L, 3) the landmarks at rest; None: each at the joint of its part.
-
-    Raises:
-        InputError: no part has a piece, or a number is not one of a body's.
     """
     joints = np.asarray(joints_m, float)
     if joints.shape != (len(tree.names), 3) or len(shapes) != len(tree.names):
@@ -102,7 +100,8 @@ def with_part(
     ends_m: Mapping[str, tuple[float, float, float]] | None = None,
     dofs: tuple[Dof, ...] = (),
 ) -> BodyModel:
-    """Body with one more part, such as a tool in a hand. Its shape is given from then on.
+    """Body with one more part, such as a tool in a hand. Its shape is given from then on. Raises
+    InputError where there is no such parent, the name is taken, or the shapes are none.
 
     Args:
         name: of the part; its joint is a landmark of that name.
@@ -111,9 +110,6 @@ def with_part(
         shapes: its pieces at rest.
         ends_m: further landmarks on it, by name.
         dofs: its degrees of freedom; none where it is held rigidly.
-
-    Raises:
-        InputError: there is no such parent, the name is taken, or the shapes are none.
     """
     tree, number = model.tree, len(model.names)
     marks = {name: joint_m} | dict(ends_m or {})

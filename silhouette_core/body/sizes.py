@@ -14,10 +14,8 @@ TEMPLATE_CHANGES = -80 / 100, 200 / 100
 
 @dataclass(frozen=True)
 class BodySizes:
-    """Measurements of a person, from which the default body is made.
-
-    Raises:
-        InputError: a measurement that no person has.
+    """Measurements of a person, from which the default body is made. Raises InputError for a
+    measurement that no person has.
     """
 
     stature_m: float  #: height standing upright without shoes.
@@ -111,10 +109,8 @@ IS_CLOTHING = np.array([axis.is_clothing for axis in SHAPE_AXES])
 
 def check_shape(shape: np.ndarray) -> None:
     """Checks deviations (K,) along the shape axes, as of `BodyModel.reshaped`, read from a file.
-
-    Raises:
-        TypeError: it is not float64.
-        ValueError: it has another shape, or deviations that no body has.
+    Raises TypeError where it is not float64; ValueError where it has another shape, or deviations
+    that no body has.
     """
     check_array("body_shape", shape, (len(SHAPE_AXES),), np.float64, finite=True)
     if not (shape.min() >= -0.9 and shape.max() <= 10):

@@ -99,15 +99,13 @@ class BackgroundModel:
     def from_frames(
         cls, frames: Iterable[np.ndarray], method: Method = "refined"
     ) -> "BackgroundModel":
-        """Background from frames of the empty scene, read one after the other.
+        """Background from frames of the empty scene, read one after the other. Raises ValueError
+        where there is no frame, or one is not (H, W, 3) or of another size, TypeError where one is
+        not uint8.
 
         Args:
             frames: each (H, W, 3) uint8, BGR; at least one.
             method: see `Method`.
-
-        Raises:
-            ValueError: no frame, a frame is not (H, W, 3), or frames of different size.
-            TypeError: a frame is not uint8.
         """
         count = 0
         sums: list[np.ndarray] = []  # of colours and of their squares, then of directions
@@ -202,9 +200,10 @@ class BackgroundModel:
             \quad \text{or} \quad \lVert c - \bar c \rVert > \tau,
             \qquad u = \frac{c}{\lVert c \rVert}
 
-        with mean :math:`\mu` and diagonal variance :math:`\sigma^2` of :math:`u` at that pixel (no
-        unit), mean colour :math:`\bar c` (of 255), :math:`\log \theta` = `log_likelihood` and
-        :math:`\tau` = `raw_difference` of `tuning.BACKGROUND`.
+        with mean :math:`\mu` and diagonal variance :math:`\sigma^2` of :math:`u` at that pixel
+        (no unit), mean colour :math:`\bar c` (of 255), :math:`\log \theta` = `log_likelihood` and
+        :math:`\tau` = `raw_difference` of `tuning.BACKGROUND`. Raises ValueError where the frame
+        has another size than the background; TypeError where the frame is not uint8.
 
         Args:
             frame: (H, W, 3) uint8, BGR, of the model's size.
@@ -213,10 +212,6 @@ class BackgroundModel:
 
         Returns:
             Silhouette, (H, W) bool.
-
-        Raises:
-            ValueError: the frame has another size than the background.
-            TypeError: the frame is not uint8.
         """
         frame = self._aligned(frame)
         if self._colours is not None:
@@ -292,7 +287,9 @@ class BackgroundModel:
         exposure: Exposure,
         region: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Silhouette by the refined method of a frame of which only a part is looked at.
+        """Silhouette by the refined method of a frame of which only a part is looked at. Raises
+        ValueError where the part has another size than the window; TypeError where the part is not
+        uint8.
 
         Args:
             frame: (H', W', 3) uint8, BGR, the whole frame as filmed, which tells the exposure.
@@ -303,10 +300,6 @@ class BackgroundModel:
 
         Returns:
             Silhouette, (H, W) bool: nothing outside the window.
-
-        Raises:
-            ValueError: the part has another size than the window.
-            TypeError: the part is not uint8.
         """
         check_array("part", part, self.mean[window].shape, np.uint8)
         if self._colours is None:

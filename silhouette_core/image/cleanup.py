@@ -18,7 +18,8 @@ def clean(
     """Silhouette without small components, small holes and what lies outside a region.
 
     A hole is a background component that does not touch the image's edge. Large ones stay: the gap
-    between an arm and the trunk is background too.
+    between an arm and the trunk is background too. Raises TypeError where mask or region is not
+    bool; ValueError where mask and region are not (H, W) of one size.
 
     Args:
         mask: (H, W) bool, silhouette.
@@ -29,10 +30,6 @@ def clean(
 
     Returns:
         (H, W) bool, a new mask.
-
-    Raises:
-        TypeError: mask or region is not bool.
-        ValueError: mask and region are not (H, W) of one size.
     """
     check_array("mask", mask, ("H", "W"), np.bool_)
     if region is not None:

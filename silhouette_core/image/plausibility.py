@@ -66,7 +66,9 @@ def check_plausible(
     lenses: Mapping[str, UndistortedView] | None = None,
     given: bool = False,
 ) -> None:
-    """Checks that enough cameras have silhouettes that can be those of a person.
+    """Checks that enough cameras have silhouettes that can be those of a person. Raises
+    ImplausibleSilhouettesError where fewer do: the others' cover nearly the whole picture, are
+    noise, are straight like a wall, or jump.
 
     Args:
         masks: silhouettes (H, W) bool of the `telling_frames`, by camera name.
@@ -74,10 +76,6 @@ def check_plausible(
         person: whether it is a person; of other bodies shape and changes are not checked.
         lenses: by which they are undistorted, by camera name; None: they are as recorded.
         given: whether they were given as masks.
-
-    Raises:
-        ImplausibleSilhouettesError: fewer do: the others' cover nearly the whole picture, are
-            noise, are straight like a wall, or jump.
     """
     checked = {name: _fault(camera_masks, person) for name, camera_masks in masks.items()}
     faults = {name: fault for name, fault in checked.items() if fault}

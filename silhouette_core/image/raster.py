@@ -31,7 +31,8 @@ def render_parts(
     size: tuple[int, int],
     cull_back: bool = False,
 ) -> tuple[ByteArray, Float32Array]:
-    """Renders a mesh into an image of part numbers and one of depths.
+    """Renders a mesh into an image of part numbers and one of depths. Raises ValueError for a wrong
+    shape, an index out of range, a size below 1.
 
     Args:
         vertices_cam: (V, 3) metres, camera frame (x right, y down, z forward).
@@ -44,9 +45,6 @@ def render_parts(
     Returns:
         The part image (h, w) uint8, 0 for background and part index + 1 elsewhere, and the depth
         (h, w) float32 in metres along the optical axis, infinite for background.
-
-    Raises:
-        ValueError: a wrong shape, an index out of range, a size below 1.
 
     Source: Okada and Stenger, 3.1.
     """

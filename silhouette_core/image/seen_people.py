@@ -112,15 +112,13 @@ def people_looked_for(
 ) -> SeenPeople | None:
     """People of a recording at whom nobody has looked yet; None without the network, of given
     silhouettes, and where frames do not wait for later ones, of cameras with an empty view: their
-    silhouettes do without evidence then.
+    silhouettes do without evidence then. Raises InputError where what is installed is not the
+    network.
 
     Args:
         source: the frames.
         settings: of the estimation.
         reporter: told where a network would help.
-
-    Raises:
-        InputError: what is installed is not the network.
     """
     if source.silhouettes_given or settings.background == "paper":
         return None
@@ -132,15 +130,13 @@ def people_looked_for(
 
 
 def network_for(missing: Sequence[str], use: NetworkUse, reporter: Reporter) -> Path | None:
-    """The network's file; None without it, which the reporter is told where it would help.
+    """The network's file; None without it, which the reporter is told where it would help. Raises
+    InputError where what is installed is not the network.
 
     Args:
         missing: cameras without an empty view.
         use: whether it is used where it is installed.
         reporter: told of it.
-
-    Raises:
-        InputError: what is installed is not the network.
     """
     network = installed_network(use)
     if network is None and missing and use == "auto":

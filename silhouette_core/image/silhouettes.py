@@ -60,7 +60,8 @@ class Silhouettes:
         ahead: bool = True,
         people: People | None = None,
     ) -> None:
-        """Builds the background models of a recording.
+        """Builds the background models of a recording. Raises InputError where a background cannot
+        be read, or differs in size from its camera's image, or there is no such kind.
 
         Args:
             source: The recording.
@@ -71,10 +72,6 @@ class Silhouettes:
                 cast shadows are, and the person's colours. Cameras without frames of the empty
                 scene need them anyway.
             people: Whom the pose network sees. None: it is not asked.
-
-        Raises:
-            InputError: A background cannot be read, or differs in size from its camera's image;
-                there is no such kind.
         """
         if background not in get_args(BackgroundKind):
             kinds = ", ".join(get_args(BackgroundKind))
@@ -267,15 +264,13 @@ class Silhouettes:
         return dict(zip(frames, side_by_side(soft_silhouette, list(frames)), strict=True))
 
     def stages(self, name: str, frame: Frame, step: int | None = None) -> SilhouetteStages:
-        """How the silhouette of a camera's frame (H, W, 3) uint8, BGR, comes about.
+        """How the silhouette of a camera's frame (H, W, 3) uint8, BGR, comes about. Raises
+        InputError where the silhouettes are given, so that nothing makes them.
 
         Args:
             name: of the camera.
             frame: as recorded; the stages have the size of its silhouettes.
             step: The number of the frame, by which the pose network is asked.
-
-        Raises:
-            InputError: the silhouettes are given, so that nothing makes them.
         """
         if self._given:
             raise InputError("masks/ holds silhouettes: they are used as they are")

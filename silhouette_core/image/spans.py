@@ -15,10 +15,7 @@ Rectangle = tuple[int, int, int, int]
 @dataclass(frozen=True, eq=False)
 class Spans:
     """Silhouettes as runs of foreground in image rows; those of silhouette k are number offsets[k]
-    to offsets[k + 1].
-
-    Raises:
-        ValueError: The arrays do not belong together.
+    to offsets[k + 1]. Raises ValueError where the arrays do not belong together.
     """
 
     rows: NDArray[np.int32]  #: (S,) int32, image row of each run.

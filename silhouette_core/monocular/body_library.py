@@ -44,9 +44,7 @@ _FRAMES_PER_KNOT = 15
 
 def body_of_track(body: str, library: str, reporter: Reporter) -> BodyModel | None:
     """The body to be tracked if it is no person's, by the options of the estimator; else None.
-
-    Raises:
-        InputError: there is no such body, or library.
+    Raises InputError where there is no such body, or library.
     """
     if body:
         model = load_body(body, reporter.note)
@@ -64,14 +62,12 @@ SomeSilhouettes = tuple[Camera, list[BoolArray]]
 def some_silhouettes(
     source: FrameSource, silhouettes: Silhouettes, camera: Camera, long_side_px: int
 ) -> SomeSilhouettes:
-    """Silhouettes of a few moments of a recording.
+    """Silhouettes of a few moments of a recording. Raises InputError where none of the frames shows
+    a body.
 
     Args:
         source: the recording, of one camera.
         camera: the same camera with z up.
-
-    Raises:
-        InputError: none of the frames shows a body.
     """
     lens, name = UndistortedView.from_camera(camera, long_side_px), source.rig.names[0]
     steps = even_moments(source.frame_count, _MOMENTS).tolist()
@@ -91,13 +87,11 @@ def some_silhouettes(
 def library_of_body(
     model: BodyModel, file: str, silhouettes: SomeSilhouettes, backend: Backend, reporter: Reporter
 ) -> tuple[PoseLibrary, Pose | None]:
-    """Library of a body, and the place of its root if that stands still.
+    """Library of a body, and the place of its root if that stands still. Raises InputError where
+    the library is another body's.
 
     Args:
         file: library of its recorded poses; empty: poses are sampled within its limits.
-
-    Raises:
-        InputError: the library is another body's.
     """
     recorded = _read(file, model) if file else None
     if recorded is not None and not model.tree.root_fixed:

@@ -146,10 +146,8 @@ class _Tracking:
         return isinstance(self.tracked[0], TrackedPerson) and not plain
 
     def finders(self, count: int) -> list[OneOfPeople]:
-        """Finders of so many people, who are looked for in the whole recording.
-
-        Raises:
-            InputError: fewer are seen apart.
+        """Finders of so many people, who are looked for in the whole recording. Raises InputError
+        where fewer are seen apart.
         """
         source, name = self.source, self.source.rig.names[0]
         self.reporter.stage("people", source.frame_count)
@@ -172,10 +170,8 @@ class _Tracking:
         return [OneOfPeople(self.camera, self.coloured, people, number) for number in range(count)]
 
     def estimate(self, finder: PersonFinder) -> Estimate:
-        """Estimate of the person that is found.
-
-        Raises:
-            InputError: nobody is found in any frame.
+        """Estimate of the person that is found. Raises InputError where nobody is found in any
+        frame.
         """
         source, settings, options = self.source, self.settings, self.options
         tracked, root = self.tracked

@@ -101,10 +101,8 @@ class PoseStages:
 
 
 def person_for(options: MonocularOptions, settings: Settings, reporter: Reporter) -> TrackedPerson:
-    """The person as the settings describe them, and the proposal that the options choose.
-
-    Raises:
-        InputError: the library cannot be read or has no proposal, or there is no such body.
+    """The person as the settings describe them, and the proposal that the options choose. Raises
+    InputError where the library cannot be read or has no proposal, or there is no such body.
     """
     proposal, model = shipped_proposal(), None
     if options.library:

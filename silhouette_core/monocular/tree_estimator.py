@@ -179,10 +179,8 @@ def library_of(
     pitch_rad: float, settings: Settings, options: TreeOptions, reporter: Reporter
 ) -> PoseLibrary:
     """The library that the options name, else one of the body seen at an angle, rounded so that it
-    serves again. Its body is as tall as the person: a larger one farther away looks alike.
-
-    Raises:
-        InputError: there is no such body or library, or it is no person's.
+    serves again. Its body is as tall as the person: a larger one farther away looks alike. Raises
+    InputError where there is no such body or library, or it is no person's.
     """
     library = read_library(Path(options.library)) if options.library else None
     model = _body(options, settings, reporter) if library is None else library.model

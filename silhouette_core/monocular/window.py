@@ -67,7 +67,8 @@ class Window:
 
 
 def look_at(camera: Camera, mask: BoolArray, distance_m: float, pixels_per_metre: float) -> Window:
-    """Window of a virtual camera that is turned toward a silhouette.
+    """Window of a virtual camera that is turned toward a silhouette. Raises ValueError where the
+    silhouette is empty, or of another size than the camera's.
 
     Args:
         camera: pinhole camera without distortion, of size (w, h).
@@ -77,9 +78,6 @@ def look_at(camera: Camera, mask: BoolArray, distance_m: float, pixels_per_metre
 
     Returns:
         The window. Its silhouette's centroid is within half a pixel of the middle.
-
-    Raises:
-        ValueError: the silhouette is empty, or of another size than the camera's.
     """
     check_array("mask", mask, camera.size[::-1])
     if not mask.any():

@@ -16,15 +16,13 @@ _LARGEST_BYTES = 1_000_000
 
 
 def load_body(spec: str, say: Callable[[str], None] = lambda line: None) -> BodyModel:
-    """The body that a text names.
+    """The body that a text names. Raises InputError where there is no such body, or its file cannot
+    be read.
 
     Args:
         spec: name of a preset; else the path of a body.toml, of a rig as `read_rig_body` takes it,
             of a result folder, or of its motion.safetensors.
         say: receives a line about everything that is left out of a rig.
-
-    Raises:
-        InputError: there is no such body, or its file cannot be read.
     """
     preset = body_preset(spec)
     if preset is not None:

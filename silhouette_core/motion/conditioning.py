@@ -37,11 +37,7 @@ class Conditioning:
     gap_method: GapMethod = "linear"  #: `linear`, `pchip`, or `none`, which fills none.
 
     def __post_init__(self) -> None:
-        """Checks the values.
-
-        Raises:
-            InputError: a value is none that can be used.
-        """
+        """Checks the values. Raises InputError where a value is none that can be used."""
         gap_limit_frames(self.gap_limit, 1.0)
         if self.gap_method not in get_args(GapMethod):
             raise InputError(
@@ -227,13 +223,10 @@ def _filter_words(done: Conditioning) -> str:
 
 
 def gap_limit_frames(limit: int | str, fps: float) -> int:
-    """Number of frames of the longest gap that is filled.
+    """Number of frames of the longest gap that is filled. Raises InputError where it is neither.
 
     Args:
         limit: a number of frames, `12`, or seconds, `0.2s`.
-
-    Raises:
-        InputError: it is neither.
     """
     parsed = _LIMIT.fullmatch(str(limit).strip())
     if parsed is None:

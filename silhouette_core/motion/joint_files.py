@@ -98,7 +98,8 @@ def _unreadable(path: Path, line: int, error: Exception) -> InputError:
 def read_trc(
     path: Path, axes: str = POSE2SIM_AXES, markers: Mapping[str, str] | None = None
 ) -> FloatArray:
-    """Reads the joints of a TRC.
+    """Reads the joints of a TRC. Raises InputError where the file cannot be read, its unit is
+    unknown, or a joint has no marker.
 
     Args:
         path: the file; its frame 1 is frame 0 of the recording, as in Pose2Sim.
@@ -112,9 +113,6 @@ def read_trc(
     Returns:
         (T, 15, 3) float64, world, metres, in the order of LANDMARK_NAMES; NaN where a marker was
         not seen.
-
-    Raises:
-        InputError: the file cannot be read, its unit is unknown, or a joint has no marker.
     """
     names, frames, points = _read_points(path)
     columns: dict[str, int] = {}

@@ -55,10 +55,8 @@ class Motion:
     """The motion at the rate at which it was filtered, if that is another; kept in no file."""
 
     def __post_init__(self) -> None:
-        """Completes frames, times and what is filled if not given, and checks the arrays.
-
-        Raises:
-            ValueError: an array has another shape than stated, or holds NaN.
+        """Completes frames, times and what is filled if not given, and checks the arrays. Raises
+        ValueError where an array has another shape than stated, or holds NaN.
         """
         count = len(self.root_m)
         if not len(self.frames) and count:

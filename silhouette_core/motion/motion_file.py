@@ -117,10 +117,8 @@ def _with_ordered_metadata(data: bytes) -> bytes:
 
 
 def read_motion(path: Path) -> Motion:
-    """Motion of a file written by `write_motion`, its body made from the measurements.
-
-    Raises:
-        InputError: the file is missing, damaged, or of another kind.
+    """Motion of a file written by `write_motion`, its body made from the measurements. Raises
+    InputError where the file is missing, damaged, or of another kind.
     """
     try:
         size = path.stat().st_size
@@ -234,10 +232,8 @@ def _model(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Body
 
 
 def _check_values(motion: Motion) -> None:
-    """Checks that numbers are such as a person and a recording have.
-
-    Raises:
-        ValueError: one, which the message names, is not.
+    """Checks that numbers are such as a person and a recording have. Raises ValueError where one,
+    which the message names, is not.
     """
     columns = {"part_overlap": len(motion.model.names), "part_unsupported": len(motion.model.names)}
     for name, array in motion.quality.items():
@@ -280,10 +276,8 @@ def _check_values(motion: Motion) -> None:
 
 
 def body_of_motion(path: Path) -> BodyModel:
-    """Body of a motion file, or of a result folder that holds one.
-
-    Raises:
-        InputError: there is none, or it cannot be read.
+    """Body of a motion file, or of a result folder that holds one. Raises InputError where there is
+    none, or it cannot be read.
     """
     file = motion_path(path)
     if not file.is_file():

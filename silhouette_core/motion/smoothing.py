@@ -30,11 +30,7 @@ class LowPass:
     None: 2 and 3. A Gaussian has none."""
 
     def __post_init__(self) -> None:
-        """Checks the values.
-
-        Raises:
-            InputError: a value is none that can be used.
-        """
+        """Checks the values. Raises InputError where a value is none that can be used."""
         low, high = _CUTOFFS_HZ
         if self.kind not in FILTERS:
             raise InputError(f"no filter {self.kind!r}: choose from {', '.join(FILTERS)}")

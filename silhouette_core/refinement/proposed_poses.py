@@ -99,11 +99,7 @@ class PoseProposer(Protocol):
 
 
 def load_pose_proposer(name: str = "learned") -> PoseProposer:
-    """The proposer that is registered under a name.
-
-    Raises:
-        InputError: none is.
-    """
+    """The proposer that is registered under a name. Raises InputError where none is."""
     return load_registered(GROUP, "pose proposer", PoseProposer, name)
 
 

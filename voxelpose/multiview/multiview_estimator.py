@@ -68,13 +68,11 @@ class MultiViewEstimator:
         self, source: FrameSource, settings: Settings, reporter: Reporter, people: int | None
     ) -> list[Estimate]:
         """Estimates the motion of several people; the cameras as they were found are the same.
+        Raises InputError as `estimate`, and where fewer people are there, or the cameras do not
+        tell them apart.
 
         Args:
             people: their number; None: as many as there are, one before two cameras.
-
-        Raises:
-            InputError: as `estimate`; fewer people are there, or the cameras do not tell them
-                apart.
         """
         options = read_options(_Options, settings.options, "multi-view")
         if len(source.rig) < 2:

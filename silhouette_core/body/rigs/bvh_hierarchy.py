@@ -27,14 +27,12 @@ class BvhJoint:
 
 
 def split_bvh(text: str, path: Path) -> tuple[list[BvhJoint], str]:
-    """Joints of a file, parents first, and the text that follows MOTION.
+    """Joints of a file, parents first, and the text that follows MOTION. Raises InputError where it
+    is no BVH, or its hierarchy is damaged.
 
     Args:
         text: all of the file.
         path: the file, for messages.
-
-    Raises:
-        InputError: it is no BVH, or its hierarchy is damaged.
     """
     head, mark, tail = text.partition("MOTION")
     if not mark or "HIERARCHY" not in head:

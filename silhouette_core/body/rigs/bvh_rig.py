@@ -34,13 +34,11 @@ def read_bvh_rig(path: Path) -> BodyModel:
     joint but the root turns about the axes of its rotation channels, 150 degrees to either side or
     as NAME.rig.toml says; position channels are left out. Bones are capsules, as wide as that file
     says, or 0.12 of their length. The frames are left out. Landmarks are the joints, and the end
-    sites as JOINT_end.
+    sites as JOINT_end. Raises InputError where the file is damaged, its unit is not said, or it has
+    a rig that none can have.
 
     Args:
         path: the file. BVH does not say its unit: NAME.rig.toml beside it has to.
-
-    Raises:
-        InputError: the file is damaged, its unit is not said, or it has a rig that none can have.
     """
     table = read_rig_table(path)
     joints, _ = split_bvh(load_text(path, _LARGEST, errors="replace"), path)

@@ -84,13 +84,11 @@ _LARGEST = 100_000_000
 
 
 def read_triangles(file: Path, most: int) -> Any:
-    """The triangles of a file, a `trimesh.Trimesh` as it stands in the file.
+    """The triangles of a file, a `trimesh.Trimesh` as it stands in the file. Raises InputError
+    where the file is missing, damaged, too large, or holds no surface.
 
     Args:
         most: number of triangles that there may be.
-
-    Raises:
-        InputError: the file is missing, damaged, too large, or holds no surface.
     """
     import trimesh
 

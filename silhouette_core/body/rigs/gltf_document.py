@@ -35,11 +35,7 @@ class GltfDocument:
 
     @classmethod
     def read(cls, path: Path) -> "GltfDocument":
-        """Document of a file, .glb or .gltf.
-
-        Raises:
-            InputError: it cannot be read, or is none.
-        """
+        """Document of a .glb or .gltf. Raises InputError where it cannot be read, or is none."""
         data = load_bytes(path, _LARGEST)
         buffers: dict[int, bytes] = {}
         if data[:4] == b"glTF":
@@ -63,10 +59,8 @@ class GltfDocument:
         return cls(path, content, buffers)
 
     def items(self, kind: str) -> list[dict[str, Any]]:
-        """All objects of a kind, such as "nodes".
-
-        Raises:
-            InputError: they are no list of objects.
+        """All objects of a kind, such as "nodes". Raises InputError where they are no list of
+        objects.
         """
         items = self.content.get(kind, [])
         if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
@@ -74,21 +68,15 @@ class GltfDocument:
         return items
 
     def item(self, kind: str, number: object) -> dict[str, Any]:
-        """One object of a kind.
-
-        Raises:
-            InputError: it does not exist.
-        """
+        """One object of a kind. Raises InputError where it does not exist."""
         items = self.items(kind)
         if type(number) is not int or not 0 <= number < len(items):
             raise self.damaged(f"it names {kind} {short(number)} of {len(items)}")
         return items[number]
 
     def array(self, number: object, types: tuple[str, ...]) -> NDArray[Any]:
-        """Array of an accessor, of one of these types; normalised integers become float32.
-
-        Raises:
-            InputError: the accessor is damaged, sparse, or of another type.
+        """Array of an accessor, of one of these types; normalised integers become float32. Raises
+        InputError where the accessor is damaged, sparse, or of another type.
         """
         accessor = self.item("accessors", number)
         code, kind = accessor.get("componentType"), accessor.get("type")

@@ -47,10 +47,8 @@ def read_gltf(path: Path) -> BodyModel:
     The rest pose is that of the nodes without animation; y up and facing +z become z up and facing
     -y. Every joint but the root turns about three axes, 150 degrees to either side, or as
     NAME.rig.toml beside the file says. Seams and holes of the surface are closed. Meshes without a
-    skin, materials, morph targets and animations are left out. Landmarks are the joints.
-
-    Raises:
-        InputError: the file is damaged, has no skin, or has a rig that no body can have.
+    skin, materials, morph targets and animations are left out. Landmarks are the joints. Raises
+    InputError where the file is damaged, has no skin, or has a rig that no body can have.
     """
     document = GltfDocument.read(path)
     worlds, above = _node_transforms(document)

@@ -76,11 +76,7 @@ PART_OF_BONE = (
 
 @dataclass(frozen=True)
 class MakeHumanPerson:
-    """What MakeHuman makes a body from.
-
-    Raises:
-        InputError: something that MakeHuman does not make.
-    """
+    """What MakeHuman makes a body from. Raises InputError for what MakeHuman does not make."""
 
     sex: str = "male"  #: "male" or "female".
     height: float = 0.0  #: -1 (smallest) to 1 (tallest); 0 is the average of the sex.
@@ -106,7 +102,8 @@ class MakeHumanPerson:
 def read_makehuman(
     folder: Path, person: MakeHumanPerson | None = None, rig: str = CMU, human: bool = False
 ) -> BodyModel:
-    """Body of a MakeHuman data folder, standing on the ground.
+    """Body of a MakeHuman data folder, standing on the ground. Raises InputError where a file is
+    missing or damaged, or there is no such body.
 
     Args:
         person: the body's shape; None: an average man.
@@ -117,9 +114,6 @@ def read_makehuman(
     Returns:
         The body. On the rig "cmu_mb", and on the human tree, its landmarks are the 15 of
         `joints.LANDMARK_NAMES`, else every bone's head.
-
-    Raises:
-        InputError: a file is missing or damaged, or there is no such body.
     """
     if human and rig != CMU:
         raise InputError(f"only MakeHuman's rig {CMU!r} fits the human tree, not {rig!r}")

@@ -35,11 +35,7 @@ class BaseMesh:
 
 
 def read_base_mesh(folder: Path) -> BaseMesh:
-    """Base mesh of a MakeHuman data folder.
-
-    Raises:
-        InputError: it is missing or damaged.
-    """
+    """Base mesh of a MakeHuman data folder. Raises InputError where it is missing or damaged."""
     path = folder / "3dobjs" / "base.obj"
     positions: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
@@ -76,14 +72,12 @@ def read_base_mesh(folder: Path) -> BaseMesh:
 
 
 def read_target(folder: Path, name: str, count: int) -> FloatArray:
-    """Displacements (N, 3) float64 of the vertices by a shape target, metres.
+    """Displacements (N, 3) float64 of the vertices by a shape target, metres. Raises InputError
+    where the target is missing or damaged.
 
     Args:
         name: path below targets/macrodetails, without suffix.
         count: number of vertices, N.
-
-    Raises:
-        InputError: the target is missing or damaged.
     """
     stem = folder / "targets" / "macrodetails" / name
     path = stem.with_name(stem.name + ".target.gz")
@@ -111,10 +105,7 @@ def read_target(folder: Path, name: str, count: int) -> FloatArray:
 
 def read_bones(folder: Path, rig: str) -> dict[str, tuple[str, Mapping[str, Any]]]:
     """Bones of a rig by name, as in the file: the parent's name, empty for the root, and where the
-    head is said to be.
-
-    Raises:
-        InputError: the rig is missing or damaged.
+    head is said to be. Raises InputError where the rig is missing or damaged.
     """
     path = _rig_file(folder, "rig", rig)
     content = parse_json(load_text(path, _LARGEST), path)
@@ -132,14 +123,12 @@ def read_bones(folder: Path, rig: str) -> dict[str, tuple[str, Mapping[str, Any]
 
 
 def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> FloatArray:
-    """Skin weights (N, P) float64 of a rig.
+    """Skin weights (N, P) float64 of a rig. Raises InputError where the weights are missing or
+    damaged.
 
     Args:
         names: its P bones; weights of others are refused.
         count: number of vertices, N.
-
-    Raises:
-        InputError: the weights are missing or damaged.
     """
     path = _rig_file(folder, "weights", rig)
     content = parse_json(load_text(path, _LARGEST), path)
@@ -166,15 +155,13 @@ def read_bone_weights(folder: Path, rig: str, names: list[str], count: int) -> F
 def place_of(
     path: Path, bone: str, place: Mapping[str, Any], mesh: BaseMesh, vertices_m: FloatArray
 ) -> FloatArray:
-    """Position (3,) float64 of the head of a bone in a shaped mesh.
+    """Position (3,) float64 of the head of a bone in a shaped mesh. Raises InputError where it is
+    none that the mesh has.
 
     Args:
         path: the rig's file, for messages.
         place: what the rig says of it: the middle of a cube or of vertices, or a vertex.
         vertices_m: (N, 3) its vertices after shaping.
-
-    Raises:
-        InputError: it is none that the mesh has.
     """
     strategy = place.get("strategy")
     if strategy == "CUBE":

@@ -31,16 +31,14 @@ def check_different(path: Path, names: Sequence[str]) -> None:
 
 
 def parents_first(path: Path, parents: Mapping[str, str], most: int = MOST_PARTS) -> list[str]:
-    """Names of the joints of a rig, every one after its parent.
+    """Names of the joints of a rig, every one after its parent. Raises InputError where there is no
+    root or more than one, a parent is missing, joints hang in a circle, there are too many, or a
+    name cannot be one.
 
     Args:
         path: the file, for messages.
         parents: name of each joint -> name of its parent, empty for the root.
         most: number of joints that there may be.
-
-    Raises:
-        InputError: there is no root or more than one, a parent is missing, joints hang in a
-            circle, there are too many, or a name cannot be one.
     """
     for name in parents:
         _check_joint_name(path, name)
@@ -79,15 +77,13 @@ def parents_first(path: Path, parents: Mapping[str, str], most: int = MOST_PARTS
 
 
 def check_rest(path: Path, joints_m: RealArray, vertices_m: NDArray) -> None:
-    """Checks that a body at rest has the size of a body.
+    """Checks that a body at rest has the size of a body. Raises InputError where a number is not
+    finite, or the body is far too small or large.
 
     Args:
         path: the file, for messages.
         joints_m: (P, 3) joints.
         vertices_m: (V, 3) surface, or what spans it.
-
-    Raises:
-        InputError: a number is not finite, or the body is far too small or large.
     """
     points = np.concatenate([joints_m, vertices_m])
     if not np.isfinite(points).all():
@@ -101,15 +97,13 @@ def check_rest(path: Path, joints_m: RealArray, vertices_m: NDArray) -> None:
 
 
 def check_bones(path: Path, names: list[str], parents: IndexArray, joints_m: RealArray) -> None:
-    """Checks that no joint lies where its parent does.
+    """Checks that no joint lies where its parent does. Raises InputError where a bone has no
+    length.
 
     Args:
         path: the file, for messages.
         parents: (P,) index of the parent, -1 of the root.
         joints_m: (P, 3) positions.
-
-    Raises:
-        InputError: a bone has no length.
     """
     here = np.flatnonzero(parents >= 0)
     if not len(here):
@@ -125,16 +119,14 @@ def check_bones(path: Path, names: list[str], parents: IndexArray, joints_m: Rea
 
 
 def normalised_weights(path: Path, parts: IndexArray, weights: RealArray, count: int) -> FloatArray:
-    """Skin weights (V, K) float64 that sum to one, of those that a file holds.
+    """Skin weights (V, K) float64 that sum to one, of those that a file holds. Raises InputError
+    where weights are negative, not finite or do not sum to one, or a part is missing.
 
     Args:
         path: the file, for messages.
         parts: (V, K) number of each weight's part.
         weights: (V, K) as in the file.
         count: number of parts.
-
-    Raises:
-        InputError: weights are negative, not finite or do not sum to one, or a part is missing.
     """
     if not np.isfinite(weights).all() or weights.min(initial=0) < 0:
         raise InputError(f"{path} has skin weights that are negative or not finite: mend them")

@@ -33,10 +33,8 @@ class RigTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     root_fixed: bool = False  #: whether the root stands still in the world, as a robot's base does.
 
     def check_joints(self, path: Path, names: list[str]) -> None:
-        """Refuses limits of joints that the rig does not have.
-
-        Raises:
-            InputError: there are such.
+        """Refuses limits of joints that the rig does not have. Raises InputError where there are
+        such.
         """
         for name in self.limits:
             if name not in names:
@@ -64,10 +62,8 @@ def table_of(path: Path) -> Path:
 
 
 def read_rig_table(path: Path) -> RigTable:
-    """The table beside a rig, or an empty one.
-
-    Raises:
-        InputError: the table is damaged, or says what cannot be.
+    """The table beside a rig, or an empty one. Raises InputError where the table is damaged, or
+    says what cannot be.
     """
     file = table_of(path)
     if not file.is_file():

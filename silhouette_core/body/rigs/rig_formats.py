@@ -20,15 +20,13 @@ _HUMAN_TREE = "human"
 
 
 def read_rig_body(path: Path, say: Callable[[str], None] = lambda line: None) -> BodyModel:
-    """Body of a rig in a file or folder of any format that is read here.
+    """Body of a rig in a file or folder of any format that is read here. Raises InputError where
+    there is no such file, it is damaged, or no body can be made of it.
 
     Args:
         path: a rigged .glb or .gltf, a .urdf, a .bvh, MakeHuman's data folder (an average man), or
             a .toml with a table [makehuman].
         say: receives a line about everything that is left out.
-
-    Raises:
-        InputError: there is no such file, it is damaged, or no body can be made of it.
     """
     if path.is_dir():
         if not is_makehuman(path):
@@ -64,10 +62,8 @@ def read_makehuman_table(path: Path) -> BodyModel:
 
     The table has the `folder` of MakeHuman's data, relative to the file; what `MakeHumanPerson`
     takes, each with its default; and `rig`, a rig of that folder ("cmu_mb" by default), or "human"
-    for this project's human tree.
-
-    Raises:
-        InputError: the file or the folder is damaged, or the table holds something else.
+    for this project's human tree. Raises InputError where the file or the folder is damaged, or the
+    table holds something else.
     """
     content = parse_toml(load_text(path, _LARGEST_TABLE), path)
     table = content.get("makehuman")

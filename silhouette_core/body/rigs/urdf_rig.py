@@ -57,13 +57,11 @@ def read_urdf(path: Path, say: Callable[[str], None] = lambda line: None) -> Bod
     stays at zero. Prismatic, planar and floating joints stay at zero, and connect like fixed ones.
     The shapes are the visual ones, or those of collision where a link has no visual; meshes lie in
     the file's folder or one above it. Landmarks are the joints, under the names of their links, and
-    the last links of every chain of fixed ones.
+    the last links of every chain of fixed ones. Raises InputError where the file is damaged, or no
+    body can be made of it.
 
     Args:
         say: receives a line about every joint that moves in the file, but not here.
-
-    Raises:
-        InputError: the file is damaged, or no body can be made of it.
     """
     robot, links = _read_robot(path, say)
     table = read_rig_table(path)
@@ -206,14 +204,12 @@ def _chain_ends(robot: _Robot) -> list[str]:
 
 
 def link_shapes(path: Path, link: Any, world: FloatArray) -> list[ClosedMesh]:
-    """Shapes of a link, in the body frame.
+    """Shapes of a link, in the body frame. Raises InputError where a shape has no size, or a mesh
+    cannot be read.
 
     Args:
         path: the robot's file, beside which meshes lie.
         world: (4, 4) frame of the link in the body frame.
-
-    Raises:
-        InputError: a shape has no size, or a mesh cannot be read.
     """
     shapes = []
     for shape in link.visuals or link.collisions or ():

@@ -33,7 +33,8 @@ def read_clips(
     leave_out: Sequence[str] = (),
     reporter: Reporter | None = None,
 ) -> dict[str, Motion]:
-    """Recorded motions by clip.
+    """Recorded motions by clip. Raises InputError where a clip to be skipped does not exist, or a
+    file cannot be read.
 
     Args:
         paths: files and folders; of another body than a person's its own motions, each a result
@@ -45,9 +46,6 @@ def read_clips(
 
     Returns:
         Motions by the file's name without its ending, with a number where two names are the same.
-
-    Raises:
-        InputError: a clip to be skipped does not exist, or a file cannot be read.
     """
     is_given = model.person is None
     files = [motion_path(path) for path in paths] if is_given else motion_files(paths)
@@ -94,7 +92,8 @@ def make_library(
     begun: PoseProposal | None = None,
 ) -> PoseLibrary:
     """Builds and writes a library; an interrupted build resumes from the checkpoints in
-    `path`.partial.
+    `path`.partial. Raises InputError where there is no motion, the file is no library or cannot be
+    written, or another process is building it.
 
     Args:
         path: the library's file; an existing library is replaced once the new one is complete.
@@ -104,10 +103,6 @@ def make_library(
 
     Returns:
         The library, opened from its file.
-
-    Raises:
-        InputError: there is no motion, the file is no library or cannot be written, or another
-            process is building it.
     """
     reporter = reporter or SilentReporter()
     if model.person is None:

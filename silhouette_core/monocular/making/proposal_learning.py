@@ -88,7 +88,8 @@ def learn_proposal(
     step: Callable[[str, Callable[[], Arrays]], Arrays] | None = None,
     begun: PoseProposal | None = None,
 ) -> PoseProposal:
-    """Proposal that has learned to tell recorded motion from its silhouettes.
+    """Proposal that has learned to tell recorded motion from its silhouettes. Raises InputError
+    where there is too little motion.
 
     Args:
         motions: recorded motion, of the body.
@@ -100,9 +101,6 @@ def learn_proposal(
 
     Returns:
         The proposal; the same inputs give the same one, for any number of threads.
-
-    Raises:
-        InputError: there is too little motion.
     """
     settings, reporter = settings or LearningSettings(), reporter or SilentReporter()
     step = step or (lambda _, make: make())

@@ -58,16 +58,13 @@ class ConvolutionalEncoder:
     def from_arrays(
         cls, name: str, channels: int, arrays: Mapping[str, NDArray]
     ) -> "ConvolutionalEncoder":
-        """Encoder of the arrays of a file; `arrays` is the inverse.
+        """Encoder of the arrays of a file; `arrays` is the inverse. Raises KeyError where an array
+        is missing; TypeError where an array is not float32; ValueError where the arrays do not fit
+        together, or hold NaN.
 
         Args:
             name: of the encoder, with which the arrays' names begin.
             arrays: all arrays of the file.
-
-        Raises:
-            KeyError: an array is missing.
-            TypeError: an array is not float32.
-            ValueError: the arrays do not fit together, or hold NaN.
         """
         layers = range(len(SIZES) + 1)
         weights = [arrays[f"{name}_weight{layer}"] for layer in layers]

@@ -46,11 +46,9 @@ class PoseProposal:
     def codes(self, masks: BoolArray) -> SilhouetteCodes:
         """Codes of T silhouettes (T, 240, 320) bool in the window of the library, without colours.
 
-        The window is that of `monocular.window.look_at`: the silhouette's centroid in its
-        middle, 158 pixels per stature at the assumed distance.
-
-        Raises:
-            ValueError: the masks have another shape.
+        The window is that of `monocular.window.look_at`: the silhouette's centroid in its middle,
+        158 pixels per stature at the assumed distance. Raises ValueError where the masks have
+        another shape.
         """
         return self.encoding.codes(coverage_grid(masks), feet_grid(reduce_silhouette(masks)))
 
@@ -97,12 +95,9 @@ class PoseProposal:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray]) -> "PoseProposal":
-        """Proposal of the arrays of a file.
-
-        Raises:
-            KeyError: an array is missing.
-            TypeError: an array is not float32.
-            ValueError: the arrays do not fit together, hold NaN, or are an earlier version's.
+        """Proposal of the arrays of a file. Raises KeyError where an array is missing; TypeError
+        where an array is not float32; ValueError where the arrays do not fit together, hold NaN, or
+        are an earlier version's.
         """
         layers = range(sum(name.startswith("weight") for name in arrays))
         # Earlier versions read principal components, by networks of three layers.
@@ -182,12 +177,8 @@ class SilhouetteEncoding:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray]) -> "SilhouetteEncoding":
-        """Encoding of the arrays of a file.
-
-        Raises:
-            KeyError: an array is missing.
-            TypeError: an array is not float32.
-            ValueError: the arrays do not fit together, or hold NaN.
+        """Encoding of the arrays of a file. Raises KeyError where an array is missing; TypeError
+        where an array is not float32; ValueError where the arrays do not fit together, or hold NaN.
         """
         cells = FEET_GRID[0] * FEET_GRID[1]
         feet = SilhouetteBasis(arrays["mean_feet"], arrays["feet_basis"])

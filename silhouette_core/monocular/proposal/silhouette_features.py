@@ -100,10 +100,8 @@ class FrameFeatures:
     time_s: RealArray  #: (T,) float64, increasing.
 
     def __post_init__(self) -> None:
-        """Checks the arrays.
-
-        Raises:
-            ValueError: an array has another shape than stated, or holds NaN.
+        """Checks the arrays. Raises ValueError where an array has another shape than stated, or
+        holds NaN.
         """
         count = len(self.codes)
         check_array("outline", self.codes.outline, ("T", "K"), finite=True)

@@ -20,7 +20,8 @@ _GRID_COLUMNS = 6
 
 
 def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> BasePoses:
-    """Base poses of a library, thinned from recorded motion.
+    """Base poses of a library, thinned from recorded motion. Raises InputError where there is no
+    motion.
 
     Args:
         motions: clips by name, all of one body.
@@ -28,9 +29,6 @@ def base_poses(motions: Mapping[str, Motion], settings: LibrarySettings) -> Base
     Returns:
         The base poses: thinned by `settings.tolerance_deg`, then by the positions of the joints
         until there are at most `settings.poses` samples.
-
-    Raises:
-        InputError: there is no motion.
 
     Source: Okada and Stenger, section 7: no two poses remain whose joint angles all differ by 5
     degrees or less. Thinning by positions is ours.
@@ -87,6 +85,8 @@ def thin_poses(features_rad: FloatArray, tolerance_rad: float) -> IntArray:
     Greedy in the given order, and exact: a pose is removed if a kept one is within the tolerance in
     every coordinate. Takes N lookups in a hash grid over the six coordinates that vary most, each
     of at most 64 cells; the time grows with N and the number of kept poses per cell, not with N².
+    Raises ValueError where the arrays have other shapes, hold NaN, or the tolerance is not
+    positive.
 
     Args:
         features_rad: (N, K) float64, finite, radians or any other unit.
@@ -94,9 +94,6 @@ def thin_poses(features_rad: FloatArray, tolerance_rad: float) -> IntArray:
 
     Returns:
         (L,) int64, increasing, the rows that are kept.
-
-    Raises:
-        ValueError: the arrays have other shapes, hold NaN, or the tolerance is not positive.
 
     Source: Okada and Stenger, §3 (their tolerance is 5 degrees).
     """

@@ -53,14 +53,12 @@ class Checkpoint:
     """Folder of the finished steps of a build; steps of other inputs do not count."""
 
     def __init__(self, folder: Path | None, inputs: str) -> None:
-        """Opens or creates the folder.
+        """Opens or creates the folder. Raises InputError where the folder cannot be made, or holds
+        other files.
 
         Args:
             folder: the folder; None: no checkpoints.
             inputs: digest of everything that determines the result.
-
-        Raises:
-            InputError: the folder cannot be made, or holds other files.
         """
         self.folder = folder
         self._inputs = np.frombuffer(inputs.encode(), np.uint8)
@@ -115,7 +113,8 @@ def build_library(
     reporter: Reporter | None = None,
     kept_in: Path | None = None,
 ) -> PoseLibrary:
-    """Library of base poses seen from all sides.
+    """Library of base poses seen from all sides. Raises InputError where `kept_in` cannot be
+    written.
 
     Args:
         kept_in: folder for checkpoints, from which an interrupted build resumes; the caller removes
@@ -123,9 +122,6 @@ def build_library(
 
     Returns:
         The library. The same inputs give the same library, for any threads, interrupted or not.
-
-    Raises:
-        InputError: `kept_in` cannot be written.
 
     Source: Okada and Stenger, sections 3 and 7.
     """

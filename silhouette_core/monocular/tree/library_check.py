@@ -20,11 +20,9 @@ _WEIGHTINGS = "xor", "wxor", "nwxor", "balanced"  # of which there was a choice 
 
 
 def check_library(library: PoseLibrary) -> None:
-    """Checks counts, shapes, dtypes, ranges of indices and finiteness of all arrays.
-
-    Raises:
-        TypeError: an array has another dtype than `PoseLibrary` states.
-        ValueError: an array, which the message names, has another shape, or holds what it cannot.
+    """Checks counts, shapes, dtypes, ranges of indices and finiteness of all arrays. Raises
+    TypeError where an array has another dtype than `PoseLibrary` states; ValueError where an array,
+    which the message names, has another shape, or holds what it cannot.
     """
     bases, samples, views = library.bases, len(library), len(library.views)
     poses, dofs, parts = len(bases.angles), library.model.dof_count, len(library.model.names)
@@ -56,10 +54,8 @@ def check_library(library: PoseLibrary) -> None:
 
 
 def check_library_settings(settings: LibrarySettings) -> None:
-    """Checks types and values that `LibrarySettings` itself takes for granted.
-
-    Raises:
-        ValueError: a setting has another type or an impossible value.
+    """Checks types and values that `LibrarySettings` itself takes for granted. Raises ValueError
+    where a setting has another type or an impossible value.
     """
     good = {
         "poses": isinstance(settings.poses, int) and settings.poses <= 10**9,

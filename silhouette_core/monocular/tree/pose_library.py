@@ -87,11 +87,7 @@ class LibrarySettings:
     weighting: str = "nwxor"  #: Of the silhouette distance that divides them: "nwxor" or "xor".
 
     def __post_init__(self) -> None:
-        """Checks the values.
-
-        Raises:
-            InputError: a value makes no library.
-        """
+        """Checks the values. Raises InputError where a value makes no library."""
         if (
             not (1 <= self.yaw_step_deg <= 180 or self.yaw_step_deg == 360)
             or abs(360 / self.yaw_step_deg - round(360 / self.yaw_step_deg)) > 1e-6

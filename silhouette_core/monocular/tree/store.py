@@ -115,13 +115,11 @@ def is_library(path: Path) -> bool:
 
 
 def read_library(path: Path) -> PoseLibrary:
-    """Library of a file.
+    """Library of a file. Raises InputError where there is none, it is damaged or truncated, of
+    another version, or empty.
 
     Returns:
         The library; its arrays are views into the file and cannot be written to.
-
-    Raises:
-        InputError: there is none, it is damaged or truncated, of another version, or empty.
     """
     arrays, about = _read(path)
     try:

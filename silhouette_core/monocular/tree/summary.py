@@ -58,10 +58,8 @@ def write_sheet(library: PoseLibrary, path: Path) -> None:
     """Writes an image of nodes of the first level.
 
     Each row shows a node's representative, then samples from its leaves, coloured by part. The rows
-    are taken from the list of nodes ordered by number of samples, largest first.
-
-    Raises:
-        InputError: the file cannot be written.
+    are taken from the list of nodes ordered by number of samples, largest first. Raises InputError
+    where the file cannot be written.
     """
     members = _samples_of_first_level(library)
     order = np.argsort([-len(samples) for samples in members], kind="stable")

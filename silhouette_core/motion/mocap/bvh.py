@@ -20,15 +20,12 @@ LARGEST_CLIP = 300_000_000  #: Bytes of a clip of any format; an hour takes a te
 
 
 def read_bvh(path: Path) -> tuple[list[BvhJoint], FloatArray, float]:
-    """Hierarchy, channels and frame rate of a file.
+    """Hierarchy, channels and frame rate of a file. Raises InputError where the file is missing,
+    truncated, no BVH, has another number of frames than stated, or values that are no numbers.
 
     Returns:
         The joints, parents first, without end sites; the channels (T, C) float64 in the file's
         units; frames per second.
-
-    Raises:
-        InputError: the file is missing, truncated, no BVH, has another number of frames than
-            stated, or values that are no numbers.
     """
     text = load_text(path, LARGEST_CLIP, errors="replace")
     joints, tail = split_bvh(text, path)
@@ -58,15 +55,13 @@ def local_transforms(
     (T, W, 3), float64.
 
     Rotations apply in the order listed, R = R_first R_second R_third, degrees. Positions replace
-    the joint's offset (Blender, MotionBuilder); the root's are added to it.
+    the joint's offset (Blender, MotionBuilder); the root's are added to it. Raises InputError where
+    a joint rotates twice in succession about one axis.
 
     Args:
         path: the file, for messages.
         numbers: (T, C) float64, all channels.
         selected: (W,) int64, indices of the joints.
-
-    Raises:
-        InputError: a joint rotates twice in succession about one axis.
     """
     local = np.broadcast_to(np.eye(3), (len(numbers), len(selected), 3, 3)).copy()
     offsets = np.tile(np.array([joints[j].offset for j in selected]), (len(numbers), 1, 1))
@@ -104,10 +99,8 @@ def _numbers(path: Path, text: str) -> FloatArray:
 
 
 def check_numbers(path: Path, numbers: FloatArray) -> None:
-    """Checks that the numbers of a file can be angles and positions.
-
-    Raises:
-        InputError: one cannot.
+    """Checks that the numbers of a file can be angles and positions. Raises InputError where one
+    cannot.
     """
     if not np.isfinite(numbers).all():
         raise InputError(f"{path} has frames with NaN or infinity: leave them out")

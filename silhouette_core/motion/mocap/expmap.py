@@ -27,7 +27,8 @@ def read_expmap(path: Path) -> tuple[tuple[str, ...], IntArray, FloatArray, Floa
     """Skeleton and transforms of a clip.
 
     Each row is a frame: the root's position, then the rotation vector of joint_from_parent for each
-    joint (the inverse of the joint's rotation, a convention of that literature).
+    joint (the inverse of the joint's rotation, a convention of that literature). Raises InputError
+    where skeleton.json is missing or does not fit, or values are no numbers.
 
     Args:
         path: the CSV; skeleton.json in the same folder states parent, offset and fps, and, unless
@@ -37,9 +38,6 @@ def read_expmap(path: Path) -> tuple[tuple[str, ...], IntArray, FloatArray, Floa
     Returns:
         Names, parents (J,), offsets (T, J, 3) with the root's position, parent_from_joint
         rotations (T, J, 3, 3), frames per second.
-
-    Raises:
-        InputError: skeleton.json is missing or does not fit, or values are no numbers.
     """
     beside = path.with_name("skeleton.json")
     if not beside.exists():

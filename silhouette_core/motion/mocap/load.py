@@ -22,10 +22,8 @@ SUFFIXES = (".bvh", ".csv")
 def motion_files(paths: Iterable[Path]) -> list[Path]:
     """Motion files among files and folders, each once, those of a folder sorted by name.
 
-    Folders are searched recursively; CSV files in them need skeleton.json.
-
-    Raises:
-        InputError: a path does not exist, or a folder holds no motion.
+    Folders are searched recursively; CSV files in them need skeleton.json. Raises InputError where
+    a path does not exist, or a folder holds no motion.
     """
     files: dict[Path, None] = {}
     for path in paths:
@@ -55,13 +53,11 @@ def load_motions(
     """Recorded motions, one for each of `motion_files(paths)`, retargeted to a body; clips of one
     skeleton share the axes of its trunk.
 
-    Recordings faster than `FPS` are reduced to it by taking the nearest frames.
+    Recordings faster than `FPS` are reduced to it by taking the nearest frames. Raises InputError
+    as `read_clip`.
 
     Args:
         names: joint-name map for all files; None chooses a shipped one for each.
-
-    Raises:
-        InputError: as `read_clip`.
     """
     clips = [read_clip(path, names).at_rate(FPS) for path in motion_files(paths)]
     best: dict[tuple, JointFrames] = {}
@@ -73,7 +69,8 @@ def load_motions(
 
 
 def read_clip(path: Path, names: Path | None = None) -> MocapClip:
-    """Recorded motion of a file.
+    """Recorded motion of a file. Raises InputError where the file cannot be read, contradicts
+    itself, or has joints without a known name.
 
     Args:
         path: a BVH file of any skeleton, or a CSV of exponential maps with skeleton.json beside it.
@@ -82,9 +79,6 @@ def read_clip(path: Path, names: Path | None = None) -> MocapClip:
 
     Returns:
         The clip in the file's unit and axes: the joints that have a role, and their ancestors.
-
-    Raises:
-        InputError: the file cannot be read, contradicts itself, or has joints without a known name.
     """
     if path.suffix.lower() == ".bvh":
         hierarchy, numbers, rate = read_bvh(path)

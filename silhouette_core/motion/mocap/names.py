@@ -43,10 +43,8 @@ class NameMap:
 
         One line for each role, `pelvis = "Hips"` or a list of names, of which the first in the
         skeleton counts. A limb's line may state both sides: `thigh = "{Left}UpLeg"` means LeftUpLeg
-        and RightUpLeg; {left}, {L} and {l} likewise.
-
-        Raises:
-            InputError: it is missing, no TOML, or has a line that is no role.
+        and RightUpLeg; {left}, {L} and {l} likewise. Raises InputError where it is missing, no
+        TOML, or has a line that is no role.
         """
         text = load_text(path, _LARGEST_MAP)
         return cls._from_toml(path.name, parse_toml(text, path))
@@ -99,15 +97,13 @@ class NameMap:
 
 
 def find_roles(source: str, joints: Sequence[str], path: Path | None) -> dict[str, int]:
-    """Index of the joint of every role, at least of those of `NEEDED`.
+    """Index of the joint of every role, at least of those of `NEEDED`. Raises InputError where a
+    required joint has no name.
 
     Args:
         source: name of the motion's file, for messages.
         joints: names of the skeleton's joints.
         path: a map; None: the shipped map that covers most roles.
-
-    Raises:
-        InputError: a required joint has no name.
     """
     maps = NameMap.shipped() if path is None else [NameMap.read(path)]
     mapped = [name_map.find(joints) for name_map in maps]

@@ -45,7 +45,8 @@ def place_grid(
     convex body whose bounding box six linear programs yield. That box is carved coarsely, with
     silhouettes dilated by a voxel so that thin structures remain, and shrunk to the occupied
     voxels. A side of a silhouette on the border of its image is not a bound, unless there is no
-    other.
+    other. Raises InputError, which names the cameras, where there is no foreground, no common
+    volume, or no occupied voxel; ValueError where an argument is out of range.
 
     Args:
         rig: C cameras.
@@ -60,10 +61,6 @@ def place_grid(
 
     Returns:
         The grid, with a margin of one voxel.
-
-    Raises:
-        InputError: No foreground, no common volume, or no occupied voxel; it names the cameras.
-        ValueError: An argument is out of range.
     """
     rule = rule or CarveRule()
     check_tolerance(rule.tolerance, len(rig))
@@ -83,14 +80,12 @@ def place_grid(
 
 
 def grid_within(low_m: FloatArray, high_m: FloatArray, voxel_size_m: float) -> VoxelGrid:
-    """Grid of a box.
+    """Grid of a box. Raises InputError where the box is empty, or the grid would not fit into
+    memory.
 
     Args:
         low_m: (3,) float64, low corner, world.
         high_m: (3,) float64, high corner, world.
-
-    Raises:
-        InputError: The box is empty, or the grid would not fit into memory.
     """
     edges = np.asarray(high_m, dtype=np.float64) - low_m
     if not (edges > 0).all():

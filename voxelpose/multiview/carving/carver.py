@@ -48,14 +48,11 @@ def pack_rig(rig: Rig) -> tuple[FloatArray, IntArray, FloatArray]:
 
 
 def mask_list(rig: Rig, masks: Masks) -> list[ByteArray]:
-    """Masks in the order of the rig, checked against their cameras.
+    """Masks in the order of the rig, checked against their cameras. Raises ValueError where a mask
+    is missing, or differs in size from its camera's image; TypeError where a mask is not bool.
 
     Returns:
         (h, w) uint8 each, 0 or 1.
-
-    Raises:
-        ValueError: A mask is missing, or differs in size from its camera's image.
-        TypeError: A mask is not bool.
     """
     if isinstance(masks, Mapping):
         missing = [name for name in rig.names if name not in masks]
@@ -268,7 +265,8 @@ def carve(
 
     Whole blocks are decided first: a block's image lies in a box around the pixel of its centre
     (widened by a bound on the lens's stretching), and a summed-area table shows whether that box is
-    all foreground or all background.
+    all foreground or all background. Raises ValueError where a mask is missing, or differs in size
+    from its camera's image; TypeError where a mask is not bool.
 
     Args:
         rig: C cameras.
@@ -281,10 +279,6 @@ def carve(
 
     Returns:
         (nx, ny, nz) bool, True where the voxel is occupied.
-
-    Raises:
-        ValueError: A mask is missing, or differs in size from its camera's image.
-        TypeError: A mask is not bool.
 
     Source: shape from silhouette, which Iiyama, Kameda and Minoh assume as input, as in Laurentini,
     "The visual hull concept for silhouette-based image understanding" (1994); tolerance and blocks

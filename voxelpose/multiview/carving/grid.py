@@ -16,10 +16,8 @@ class VoxelGrid:
     """A box of cubic voxels, all of whose corners are multiples of the voxel size.
 
     Two grids of one voxel size therefore share their voxels wherever they overlap, bit for bit: a
-    window may follow a person.
-
-    Raises:
-        ValueError: A value has the wrong shape or is impossible.
+    window may follow a person. Raises ValueError where a value has the wrong shape or is
+    impossible.
     """
 
     origin_m: FloatArray
@@ -90,10 +88,8 @@ class VoxelGrid:
         return self.centres(np.argwhere(occupancy))
 
     def cropped(self, occupancy: BoolArray) -> tuple["VoxelGrid", BoolArray]:
-        """Returns the part of the grid that holds every occupied voxel.
-
-        Raises:
-            ValueError: Nothing is occupied.
+        """Returns the part of the grid that holds every occupied voxel. Raises ValueError where
+        nothing is occupied.
         """
         along = [np.flatnonzero(occupancy.any(axis=others)) for others in ((1, 2), (0, 2), (0, 1))]
         if not len(along[0]):

@@ -22,7 +22,8 @@ def surface(grid: VoxelGrid, occupancy: BoolArray) -> tuple[FloatArray, IntArray
     empty, or several where parts of the surface meet that do not belong together: voxels that touch
     at an edge or a corner are apart, unless they are one piece all around it. A vertex is moved
     toward the mean of its neighbours, but not out of its cell, so that the mesh is smooth,
-    separates the same voxel centres, and keeps thin structures.
+    separates the same voxel centres, and keeps thin structures. Raises TypeError where the
+    occupancy is not bool; ValueError where the occupancy does not fit the grid.
 
     Args:
         occupancy: (nx, ny, nz) bool.
@@ -30,10 +31,6 @@ def surface(grid: VoxelGrid, occupancy: BoolArray) -> tuple[FloatArray, IntArray
     Returns:
         Vertices (V, 3) float64, world, m, and triangles (F, 3) int64, counter-clockwise from
         outside.
-
-    Raises:
-        TypeError: The occupancy is not bool.
-        ValueError: The occupancy does not fit the grid.
 
     Source: Gibson, "Constrained elastic surface nets" (1998).
     """
@@ -55,15 +52,12 @@ def write_ply(
     occupancy: BoolArray,
     style: Literal["surface", "voxels"] = "surface",
 ) -> None:
-    """Writes the hull as a binary PLY file, in metres; no partial file is left behind.
+    """Writes the hull as a binary PLY file, in metres; no partial file is left behind. Raises
+    InputError where the file cannot be written; ValueError where nothing is occupied.
 
     Args:
         occupancy: (nx, ny, nz) bool, not all False.
         style: "surface" is a triangle mesh, "voxels" the centres of the occupied voxels as points.
-
-    Raises:
-        InputError: The file cannot be written.
-        ValueError: Nothing is occupied.
     """
     if not occupancy.any():
         raise ValueError("no voxel is occupied")

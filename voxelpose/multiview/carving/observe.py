@@ -61,13 +61,11 @@ def body_rule(cameras: int, tolerance: int, partly_unknown: int = 0) -> CarveRul
     """Rule by which a voxel may belong to a body.
 
     A voxel that too few cameras see is no evidence: one occluded by a wall would pass for a body.
+    Raises InputError where so many cameras may be wrong that none need agree.
 
     Args:
         tolerance: number of them that may be wrong about a voxel.
         partly_unknown: number of them of which parts are unknown, so that fewer may agree, but two.
-
-    Raises:
-        InputError: so many cameras may be wrong that none need agree.
     """
     most = max(2, 3 * cameras // 4)
     if not 0 <= tolerance <= most:

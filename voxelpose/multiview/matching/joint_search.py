@@ -87,7 +87,7 @@ def best_together(
 
     where :math:`G` is a group of interfering parts, :math:`\theta_G` holds the angles of each,
     :math:`\Theta_p` are the sampled angles of part :math:`p`, and :math:`s` is the score
-    (:eq:`iiyama-5`).
+    (:eq:`iiyama-5`). Raises ValueError where there is no part, or one without placements.
 
     Args:
         bits: for each of n parts (K_i, W) uint64, the voxels that each of its K_i placements
@@ -98,9 +98,6 @@ def best_together(
     Returns:
         The chosen placement of each part, the score, and whether that is exact. Of equally good
         choices always the same; the result does not depend on threads.
-
-    Raises:
-        ValueError: no part, or a part without placements.
 
     Source: Iiyama, Kameda and Minoh, step (4): section 3. The paper does not say how all
     combinations are searched; the exact search is ours.

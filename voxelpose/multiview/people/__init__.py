@@ -10,14 +10,12 @@ PEOPLE_CAMERAS = 3
 
 
 def number_of_people(text: str, setting: str = "--people {}", *, auto: bool = True) -> int | None:
-    """Number of people as a setting tells it; None: as many as are seen.
+    """Number of people as a setting tells it; None: as many as are seen. Raises InputError where it
+    is no number of people.
 
     Args:
         setting: how it is given, with {} in its place, for messages.
         auto: whether `auto` may be said.
-
-    Raises:
-        InputError: it is no number of people.
     """
     if auto and text == "auto":
         return None

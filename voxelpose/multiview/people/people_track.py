@@ -50,13 +50,11 @@ def people_places(
     prepared: PreparedSilhouettes, people: int | None, clock: StageClock, reporter: Reporter
 ) -> tuple[FloatArray, FloatArray]:
     """About where everybody is, (N, T, 3) float64, m, in the upright frame; NaN: not there. Then
-    the same of things, such as a chair that is carried in.
+    the same of things, such as a chair that is carried in. Raises InputError where fewer people
+    than asked for are there.
 
     Args:
         people: their number; None: as many as there are.
-
-    Raises:
-        InputError: fewer people than asked for are there.
     """
     observer, store, times_s = prepared.observer, prepared.store, prepared.times_s
     tenths = np.floor((times_s - times_s[0]) * ASKED_HZ + 1e-6)

@@ -146,7 +146,7 @@ def choose_body(
     Candidates of other girth and template, and of the stature that was found, are always compared.
     A further pose search, about another stature or of somebody who sits, is made only while the
     best candidate is improbable, see `is_improbable`. Where cameras look the same way, what each
-    alone proposes is asked, too.
+    alone proposes is asked, too. Raises InputError where no frame shows a body.
 
     Args:
         settings: for stature, chest girth and sex, as far as known.
@@ -154,9 +154,6 @@ def choose_body(
         known: the person's body, of which only the clothes are then adapted; None: all of it is.
         keep_clothes: the known body's clothes are kept, too.
         objects: whether something beside the person was left out of the silhouettes.
-
-    Raises:
-        InputError: no frame shows a body.
     """
     frames = anchor_frames(observations)
     if not frames:
@@ -412,14 +409,12 @@ def start_given(
 ) -> tuple[BodyGeometry, dict[int, PoseFit]]:
     """Searches anchor frames without a prior, with a body that stays as it is.
 
-    A root that stands still is placed once, by all anchor frames together.
+    A root that stands still is placed once, by all anchor frames together. Raises InputError where
+    no frame shows a body.
 
     Returns:
         The body, and the fits of the frames in which it explains the silhouettes nearly as well as
         in the best.
-
-    Raises:
-        InputError: no frame shows a body.
     """
     frames = anchor_frames(observations)
     reporter.stage("first poses", max(len(frames), 1))

@@ -31,7 +31,8 @@ def check_hull_size(
     stature_m: float | None,
     unknown: Sequence[np.ndarray] | None = None,
 ) -> None:
-    """Checks that the hulls of a person are of a person's size.
+    """Checks that the hulls of a person are of a person's size. Raises InputError where they are
+    far larger or smaller.
 
     Args:
         rig: C cameras.
@@ -39,9 +40,6 @@ def check_hull_size(
         rule: of carving.
         stature_m: of the person, where it is known.
         unknown: as of `carve`.
-
-    Raises:
-        InputError: they are far larger or smaller.
     """
     edges_m = [_edges_m(rig, masks, rule, unknown) for masks in moments]
     edges_m = [edge for edge in edges_m if edge is not None]

@@ -133,7 +133,8 @@ def prepare_silhouettes(
     clock: StageClock,
     reporter: Reporter,
 ) -> Iterator[PreparedSilhouettes]:
-    """Prepares the silhouettes of a recording, which are kept on disk for the `with` block.
+    """Prepares the silhouettes of a recording, which are kept on disk for the `with` block. Raises
+    InputError where a background cannot be used, or nobody is seen.
 
     Args:
         source: the frames.
@@ -141,9 +142,6 @@ def prepare_silhouettes(
         preparation: see PreparationSettings.
         clock: told the durations.
         reporter: told the progress, and what was found about the cameras.
-
-    Raises:
-        InputError: a background cannot be used, or nobody is seen.
     """
     lenses = [UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in source.rig]
     sizes = [lens.pinhole.size for lens in lenses]
