@@ -22,8 +22,8 @@ BODY_TYPES = {
 """Arrays of a body, and their types in a safetensors file."""
 MOST_ROWS = 400_000  #: Most vertices or faces of a body that is read from a file.
 MOST_NAMES = 2500  #: Most landmarks or degrees of freedom of such a body.
-_MOST_PARTS = 250  # the part image holds 254 numbers
-_LONGEST_NAME, _LONGEST_TEXT = 80, 1_000_000
+MOST_PARTS = 250  #: Parts of a body; the image of part numbers holds 254.
+LONGEST_NAME, _LONGEST_TEXT = 80, 1_000_000
 _FARTHEST_M, _LARGEST_DEG = 1000, 3600
 
 
@@ -87,8 +87,8 @@ def _tree(text: str) -> KinematicTree:
         raise ValueError(f"the body's tree has {len(text):,} characters")
     document = json.loads(text)
     names, marks = _names(document["names"]), _names(document["landmark_names"])
-    if len(names) > _MOST_PARTS:
-        raise ValueError(f"the body has {len(names)} parts, more than {_MOST_PARTS}")
+    if len(names) > MOST_PARTS:
+        raise ValueError(f"the body has {len(names)} parts, more than {MOST_PARTS}")
     parents = _indices("parents", document["parents"], (len(names),), len(names), -1)
     if parents[0] != -1 or (parents[1:] < 0).any() or (parents >= np.arange(len(names))).any():
         raise ValueError("the body's parents do not come before their parts")
@@ -125,8 +125,8 @@ def _names(values: object) -> tuple[str, ...]:
     if not isinstance(values, list) or not 0 < len(values) <= MOST_NAMES:
         raise ValueError("the body has no list of names, or too long a one")
     for name in values:
-        if not (isinstance(name, str) and 0 < len(name) <= _LONGEST_NAME and name.isprintable()):
-            raise ValueError(f"the body has the name {str(name)[:_LONGEST_NAME]!r}")
+        if not (isinstance(name, str) and 0 < len(name) <= LONGEST_NAME and name.isprintable()):
+            raise ValueError(f"the body has the name {str(name)[:LONGEST_NAME]!r}")
     if len(set(values)) < len(values):
         raise ValueError("the body has a name twice")
     return tuple(values)

@@ -34,7 +34,13 @@ from calib.storage.documents import load_text, parse_toml
 from silhouette_core.body.measured_body import body_from_measurements
 from silhouette_core.body.mesh_measurements import BodyMeasurements, measure_body
 from silhouette_core.body.model import BodyModel
-from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, TEMPLATE_CHANGES, BodySizes
+from silhouette_core.body.sizes import (
+    IS_CLOTHING,
+    SHAPE_AXES,
+    SHAPE_LIMITS,
+    TEMPLATE_CHANGES,
+    BodySizes,
+)
 
 BODY_FORMAT = "voxelpose body 1"
 _LARGEST_BYTES = 100_000
@@ -98,7 +104,7 @@ def _checked(content: dict[str, Any], path: Path) -> _BodyFile:
     for table, names, low, high in (
         ("measurements", measures, 0.01, 1000.0),
         ("template", _CHANGES, *TEMPLATE_CHANGES),
-        ("shape", _AXES, -0.9, 10.0),
+        ("shape", _AXES, *SHAPE_LIMITS),
     ):
         for name, value in getattr(body_file, table).items():
             if name not in names:

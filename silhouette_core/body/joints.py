@@ -17,6 +17,7 @@ _ARM = np.sqrt(1 / 2)  # the rest pose holds the arms 45 degrees below the horiz
 
 
 _X, _Y, _Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+SIDES = "left", "right"
 _TRUNK = ("flexion", _X), ("lateral", _Y), ("rotation", _Z)
 
 
@@ -92,7 +93,7 @@ PARENTS = np.array(
 
 ARM_PARTS = tuple(
     PART_NAMES.index(f"{side}_{name}")
-    for side in ("left", "right")
+    for side in SIDES
     for name in ("upper_arm", "forearm", "hand", "thumb", "fingers")
 )
 """Indices of the parts of both arms, without the clavicles."""
@@ -123,6 +124,11 @@ def landmark_part(landmark: str) -> int:
     return PART_NAMES.index({"pelvis": "pelvis", "neck": "neck", "head_top": "head"}[landmark])
 
 
+def without_side(name: str) -> str:
+    """Name of a part or angle that is the same for both sides."""
+    return name.removeprefix("left_").removeprefix("right_")
+
+
 def exchanged_sides(names: tuple[str, ...]) -> list[int]:
     """For each name the number of that of the other side; of the middle its own."""
     other = {"left": "right", "right": "left"}
@@ -137,8 +143,8 @@ LANDMARK_PART = np.array([landmark_part(name) for name in LANDMARK_NAMES], np.in
 
 _CHAINS = (
     "pelvis neck head_top",
-    *(f"neck {side}_shoulder {side}_elbow {side}_wrist" for side in ("left", "right")),
-    *(f"pelvis {side}_hip {side}_knee {side}_ankle" for side in ("left", "right")),
+    *(f"neck {side}_shoulder {side}_elbow {side}_wrist" for side in SIDES),
+    *(f"pelvis {side}_hip {side}_knee {side}_ankle" for side in SIDES),
 )
 LANDMARK_BONES = np.array(
     [

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silhouette_core.body.joints import LANDMARK_PART, PARENTS, PART_NAMES
+from silhouette_core.body.joints import LANDMARK_PART, PARENTS, PART_NAMES, without_side
 from silhouette_core.body.sizes import SHAPE_AXES, ShapeAxis
 from silhouette_core.tuning import MEASURING
 
@@ -41,7 +41,7 @@ class ShapeSpace:
         changes = []
         outward, tall = clothing_directions(vertices, faces), np.ptp(vertices[:, 2])
         for axis in SHAPE_AXES:
-            covered = np.array([_plain(name) in axis.parts for name in PART_NAMES])
+            covered = np.array([without_side(name) in axis.parts for name in PART_NAMES])
             if axis.is_clothing:  # as thick as the body is tall; it moves no joint
                 share = (weights * covered[parts]).sum(1, keepdims=True)
                 skin = tall * share * outward
@@ -116,11 +116,6 @@ def bone_directions(joints: np.ndarray) -> np.ndarray:
         if name.endswith(("foot", "toes")):
             direction[p] = (0, -1, 0)
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)
-
-
-def _plain(name: str) -> str:
-    """Name of a part without its side."""
-    return name.removeprefix("left_").removeprefix("right_")
 
 
 def _change(

@@ -8,6 +8,7 @@ from calib.checks import check_array
 from calib.errors import InputError
 from silhouette_core.setting_types import CHESTS_M, STATURES_M
 
+SHAPE_LIMITS = -9 / 10, 10  #: Smallest and largest deviation along an axis of the shape space.
 TEMPLATE_CHANGES = -80 / 100, 200 / 100
 """Smallest and largest change of the template's chest, waist and hips; thighs only up to 0.95."""
 
@@ -113,5 +114,6 @@ def check_shape(shape: np.ndarray) -> None:
     that no body has.
     """
     check_array("body_shape", shape, (len(SHAPE_AXES),), np.float64, finite=True)
-    if not (shape.min() >= -0.9 and shape.max() <= 10):
+    low, high = SHAPE_LIMITS
+    if not (shape.min() >= low and shape.max() <= high):
         raise ValueError(f"body_shape holds {shape.min():g} to {shape.max():g}, as no body has")

@@ -15,8 +15,7 @@ import cv2
 import numpy as np
 
 from calib.checks import BoolArray, Float32Array, FloatArray, IntArray, RealArray
-from calib.components import label_components
-from silhouette_core.image.cleanup import bounding_box
+from silhouette_core.image.cleanup import bounding_box, opened, pieces_with
 from silhouette_core.tuning import BACKDROP, EXPOSURE, FOREGROUND
 
 _LAYERS = 2  # screen and floor
@@ -48,12 +47,12 @@ def backdrop_of(
     moved = ~np.stack([_apart(sample, median) < limit for sample in samples]).all(axis=0) & inside
     if not asked and moved.any() and near[:, moved].any(axis=0).mean() < BACKDROP.before:
         return None
-    strange = _opened(~near.all(axis=0) & inside)
-    usually = _opened((_apart(median, mean) >= limit) & inside)
+    strange = opened(~near.all(axis=0) & inside, 3)
+    usually = opened((_apart(median, mean) >= limit) & inside, 3)
     core = np.flatnonzero((inside & ~rim).any(axis=1))
     above = rim.copy()
     above[int(core.max(initial=-1)) + 1 :] = False
-    return mean, _containing(strange, _opened(moved)) & ~_containing(usually, above)
+    return mean, pieces_with(strange, opened(moved, 3)) & ~pieces_with(usually, above)
 
 
 def only_shaded(colours: Float32Array, field: Float32Array, radius: float) -> BoolArray:
@@ -137,7 +136,7 @@ def _seen(samples: Float32Array, field: Float32Array, limit: float, rim: BoolArr
     """Number of frames (h, w) that show a field, where it reaches the rim, unbroken."""
     count = np.sum([_apart(sample, field) < limit for sample in samples], axis=0)
     unhidden = count > 0.5 * len(samples)
-    return count * _containing(unhidden, unhidden & rim)
+    return count * pieces_with(unhidden, unhidden & rim)
 
 
 def _nearest(seen: list[IntArray], fields: list[Float32Array]) -> Float32Array:
@@ -150,17 +149,3 @@ def _nearest(seen: list[IntArray], fields: list[Float32Array]) -> Float32Array:
     ]
     label = np.argmin(np.stack(distances) - 1e-3 * np.stack(seen), axis=0)
     return np.take_along_axis(np.stack(fields), label[None, ..., None], axis=0)[0]
-
-
-def _opened(mask: BoolArray) -> BoolArray:
-    """Mask (h, w) without what is thinner than 3 px."""
-    opened = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    return np.asarray(opened, np.uint8).view(np.bool_)
-
-
-def _containing(mask: BoolArray, points: BoolArray) -> BoolArray:
-    """Pieces of a mask (h, w) that contain one of some places (h, w)."""
-    parts = label_components(mask)
-    wanted = np.zeros(len(parts.sizes), np.bool_)
-    wanted[parts.labels[mask & points]] = True
-    return wanted[parts.labels]

@@ -30,6 +30,7 @@ from silhouette_core.tuning import BACKGROUND
 Method = Literal["refined", "paper"]
 """Okada and Stenger's section 5.1 as written, without any clean-up, or `image.foreground`."""
 Odds = Sequence[Float32Array]
+Region, Evidence = np.ndarray | None, Float32Array | None  #: See `BackgroundModel.silhouette`.
 _SHADOW_STEP = 5  # every so many-th sample tells how dark shadows are
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
@@ -183,10 +184,7 @@ class BackgroundModel:
         return model
 
     def silhouette(
-        self,
-        frame: np.ndarray,
-        region: np.ndarray | None = None,
-        evidence: Float32Array | None = None,
+        self, frame: np.ndarray, region: Region = None, evidence: Evidence = None
     ) -> np.ndarray:
         r"""Silhouette of the foreground in a frame.
 
@@ -225,10 +223,7 @@ class BackgroundModel:
         return mask if region is None else mask & region
 
     def look(
-        self,
-        frame: np.ndarray,
-        region: np.ndarray | None = None,
-        evidence: Float32Array | None = None,
+        self, frame: np.ndarray, region: Region = None, evidence: Evidence = None
     ) -> tuple[np.ndarray, Exposure]:
         """Silhouette of a frame of those that come, as of `silhouette` by the refined method, from
         which the person's colours are learned; and its exposure.
@@ -248,10 +243,7 @@ class BackgroundModel:
         return mask, exposure
 
     def soft_silhouette(
-        self,
-        frame: np.ndarray,
-        region: np.ndarray | None = None,
-        evidence: Float32Array | None = None,
+        self, frame: np.ndarray, region: Region = None, evidence: Evidence = None
     ) -> SoftSilhouette:
         """Silhouette of a frame, and where else it differs from the background; the paper's method
         gives the silhouette only. Arguments and errors are those of `silhouette`.
@@ -263,10 +255,7 @@ class BackgroundModel:
         return refined_soft_silhouette(frame, self._background, cut, region)
 
     def stages(
-        self,
-        frame: np.ndarray,
-        region: np.ndarray | None = None,
-        evidence: Float32Array | None = None,
+        self, frame: np.ndarray, region: Region = None, evidence: Evidence = None
     ) -> SilhouetteStages:
         """How a frame's silhouette comes about; of the paper's method only what it makes. Arguments
         and errors are those of `silhouette`.
@@ -285,7 +274,7 @@ class BackgroundModel:
         part: np.ndarray,
         window: tuple[slice, slice],
         exposure: Exposure,
-        region: np.ndarray | None = None,
+        region: Region = None,
     ) -> np.ndarray:
         """Silhouette by the refined method of a frame of which only a part is looked at. Raises
         ValueError where the part has another size than the window; TypeError where the part is not

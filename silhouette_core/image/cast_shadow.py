@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from calib.checks import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
+from silhouette_core.image.cleanup import dilated
 from silhouette_core.image.difference import (
     Background,
     FrameView,
-    grown,
     noise_scale,
     pooled_brightness,
     pooled_chroma,
@@ -43,7 +42,7 @@ def count_shadows(frame: ByteArray, background: Background) -> IntArray:
     if background.grey:
         any_shadow = replace(background, shadow=SHADOW.range[0], several=False)
         dark &= texture_evidence(replace(view, background=any_shadow)) < 0
-    inside = ~grown(~dark, background.radius, cv2.MORPH_RECT)
+    inside = ~dilated(~dark, 2 * background.radius + 1)
     ratio = 1 + bright[inside] / background.scales[2][inside]
     return np.histogram(ratio, _edges())[0]
 

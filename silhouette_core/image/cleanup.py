@@ -83,6 +83,21 @@ def dilated(mask: BoolArray, side_px: int) -> BoolArray:
     return np.asarray(cv2.dilate(mask.view(np.uint8), square), np.uint8).view(np.bool_)
 
 
+def opened(mask: BoolArray, side_px: int) -> BoolArray:
+    """Mask (h, w) bool without what is thinner than so many pixels."""
+    square = np.ones((side_px, side_px), np.uint8)
+    thick = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, square)
+    return np.asarray(thick, np.uint8).view(np.bool_)
+
+
+def pieces_with(mask: BoolArray, points: BoolArray) -> BoolArray:
+    """Components of a mask (h, w) bool that hold one of some places (h, w) bool."""
+    components = label_components(mask)
+    wanted = np.zeros(len(components.sizes), np.bool_)
+    wanted[components.labels[mask & points]] = True
+    return wanted[components.labels]
+
+
 def reduce_silhouette(mask: BoolArray) -> BoolArray:
     """Silhouette (…, h, w) bool at half the resolution: at least two of four pixels are set.
 

@@ -98,9 +98,9 @@ def pooled_chroma(view: FrameView, noise: float) -> Float32Array:
     return np.asarray(cv2.magnitude(cv2.magnitude(first, second), third), np.float32)
 
 
-def grown(mask: BoolArray, pixels: int, shape: int = cv2.MORPH_ELLIPSE) -> BoolArray:
-    """Mask (H, W) dilated by a number of pixels."""
-    disc = cv2.getStructuringElement(shape, (2 * pixels + 1, 2 * pixels + 1))
+def grown(mask: BoolArray, pixels: int) -> BoolArray:
+    """Mask (H, W) dilated by a disc of a radius in pixels."""
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * pixels + 1, 2 * pixels + 1))
     return np.asarray(cv2.dilate(mask.view(np.uint8), disc), np.uint8).view(np.bool_)
 
 

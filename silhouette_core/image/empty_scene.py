@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from calib.checks import BoolArray, ByteArray, Float32Array
 from silhouette_core.image.backdrop import backdrop_of, only_shaded, tolerance
-from silhouette_core.image.cleanup import clean
+from silhouette_core.image.cleanup import clean, opened
 from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.kernels import backgrounds as kernels
 from silhouette_core.tuning import SCENE
@@ -163,9 +163,8 @@ def _hidden(
     hidden = np.zeros(moments.shape, np.float32)
     for frame in np.arange(count, dtype=np.uint64):
         differs = ((background >> frame) & np.uint64(1) == 0) & (background > 0)
-        opened = cv2.morphologyEx(differs.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-        pieces = clean(opened.view(np.bool_), min_share=SCENE.piece)
-        hull = np.zeros_like(opened)
+        pieces = clean(opened(differs, 3), min_share=SCENE.piece)
+        hull = np.zeros(pieces.shape, np.uint8)
         if pieces.any():
             cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(pieces)[:, ::-1]), 1)
         always += hull / count

@@ -14,12 +14,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from calib.checks import BoolArray, ByteArray, Float32Array, RealArray
 from silhouette_core.image.cast_shadow import only_darker
-from silhouette_core.image.cleanup import bounding_box, clean
+from silhouette_core.image.cleanup import bounding_box, clean, dilated
 from silhouette_core.image.difference import (
     Background,
     FrameView,
@@ -79,7 +78,7 @@ def refined_soft_silhouette(
         usual = float(np.quantile(difference[::_SPARSE, ::_SPARSE], FOREGROUND.empty_share))
         limit = max(least, FOREGROUND.beyond * usual)
         # Averaging widened it so.
-        beyond = ~grown(difference <= limit, background.radius, cv2.MORPH_RECT)
+        beyond = ~dilated(difference <= limit, 2 * background.radius + 1)
         return beyond if region is None else beyond & region
 
     if background.grey:  # where nothing has a tint

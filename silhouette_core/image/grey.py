@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from calib.checks import ByteArray, Float32Array, RealArray
-from silhouette_core.image.difference import FrameView, grown
+from silhouette_core.image.cleanup import dilated
+from silhouette_core.image.difference import FrameView
 from silhouette_core.tuning import CUT, SHADOW
 
 _LEVELS = 4  # grey levels between the channels of a picture without colour, at most
@@ -33,7 +34,7 @@ def texture_evidence(view: FrameView) -> Float32Array:
     empty = view.background.planes[1]
     ratio = cv2.blur(seen, (3, 3)) / np.maximum(cv2.blur(empty, (3, 3)), 1)
     darker = (ratio > view.background.shadow) & (ratio < 1 - CUT.flicker)
-    inside = (~grown(~darker, 1, cv2.MORPH_RECT)).astype(np.float32)  # its edges are no texture
+    inside = (~dilated(~darker, 3)).astype(np.float32)  # its edges are no texture
     side = 2 * _WINDOW * view.background.radius + 1
 
     def mean(image: RealArray) -> Float32Array:

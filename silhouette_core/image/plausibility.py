@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from calib.checks import BoolArray
 from calib.components import label_components
 from calib.errors import InputError
 from calib.moments import even_moments
+from silhouette_core.image.cleanup import opened
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.tuning import PLAUSIBILITY
 
@@ -122,5 +122,4 @@ def _shape(mask: BoolArray) -> tuple[float, bool]:
 
 def _solid(mask: BoolArray) -> float:
     """Fraction of the foreground that an opening by three by three pixels leaves."""
-    opened = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    return float(opened.sum() / mask.sum())
+    return float(opened(mask, 3).sum() / mask.sum())

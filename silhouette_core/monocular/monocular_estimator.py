@@ -214,11 +214,11 @@ class HypothesisStore:
     """Likeliest poses of all frames, in a temporary file, so that memory does not grow with time.
 
     Args:
-        upright: the frame in which joints are given; None: the world, in which they are stored.
+        upright: the frame in which joints are given; they are stored in the world.
     """
 
-    def __init__(self, upright: UprightFrame | None = None) -> None:
-        self._upright = upright or UprightFrame.from_up(Z_UP)
+    def __init__(self, upright: UprightFrame) -> None:
+        self._upright = upright
         self._file = ScratchFile()
         self._frames, self._counts = array("q"), array("q")
         self._joints = 0

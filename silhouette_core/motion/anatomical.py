@@ -38,6 +38,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.checks import FloatArray
+from silhouette_core.body.joints import SIDES
 
 if TYPE_CHECKING:
     from silhouette_core.body.model import BodyModel
@@ -50,7 +51,6 @@ _RIGHT = np.array([-1, 0, 0], float)
 # Columns: forward, up, right, in the body frame at rest.
 _UPRIGHT = np.array([[0, 0, -1], [-1, 0, 0], [0, 1, 0]], float)
 _MIRROR = np.diag([1, 1, -1]).astype(float)
-_SIDES = ("left", "right")
 
 # Joint: the part on its near side and the part on its far side.
 _CENTRAL = {"trunk": ("pelvis", "upper_thorax"), "neck": ("upper_thorax", "head")}
@@ -132,7 +132,7 @@ def joint_rotations(motion: Motion) -> Mapping[str, FloatArray]:
 
     rotations = {"pelvis": LAB_FROM_WORLD @ axes_in_world["pelvis"]}
     rotations |= {joint: between(*parts) for joint, parts in _CENTRAL.items()}
-    for side in _SIDES:
+    for side in SIDES:
         for joint, (near, far) in _PAIRED.items():
             matrices = between(near.format(side), far.format(side))
             rotations[f"{side}_{joint}"] = (
@@ -145,7 +145,7 @@ def segment_axes(model: BodyModel) -> Mapping[str, FloatArray]:
     """Axes of the segments at rest by part, (3, 3): forward, up and right in the body frame."""
     joint = dict(zip(model.names, model.joints_m, strict=True))
     axes = {name: _UPRIGHT for name in ("pelvis", "upper_thorax", "head")}
-    for side in _SIDES:
+    for side in SIDES:
         elbow = model.tree.dof_axis[model.tree.dof_names.index(f"{side}_forearm.flexion")]
         for part, far, right in (
             ("thigh", "shin", _RIGHT),

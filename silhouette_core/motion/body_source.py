@@ -8,11 +8,11 @@ from calib.storage.documents import load_text, parse_toml
 from silhouette_core.body.body_file import read_body
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.presets import body_preset, body_presets
+from silhouette_core.body.rigs.rig_dofs import LARGEST_TABLE
 from silhouette_core.body.rigs.rig_formats import RIG_SUFFIXES, is_makehuman, read_rig_body
 from silhouette_core.motion.motion_file import body_of_motion
 
 _TOML = ".toml"
-_LARGEST_BYTES = 1_000_000
 
 
 def load_body(spec: str, say: Callable[[str], None] = lambda line: None) -> BodyModel:
@@ -43,7 +43,7 @@ def _is_rig(path: Path) -> bool:
     if path.is_dir():
         return is_makehuman(path)
     if path.suffix.lower() == _TOML:
-        return "makehuman" in parse_toml(load_text(path, _LARGEST_BYTES), path)
+        return "makehuman" in parse_toml(load_text(path, LARGEST_TABLE), path)
     return path.suffix.lower() in RIG_SUFFIXES
 
 

@@ -1,11 +1,13 @@
 """Constants of posture and movement, and prediction of poses from frame to frame."""
 
+import tomllib
 from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
-from silhouette_core.body.joints import HUMAN
+from silhouette_core.body.joints import HUMAN, without_side
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.motion.pose import Pose
 from silhouette_core.tuning import DYNAMICS
@@ -15,44 +17,7 @@ FPS = float(30)
 MOMENTUM = DYNAMICS.momentum
 ROOT_STEP_M, ROOT_STEP_RAD = DYNAMICS.root_step_m, DYNAMICS.root_step_rad
 
-# Standard deviation of joint angles about the resting stance, degrees.
-_USUAL_DEG = {
-    "lumbar": 15,
-    "thorax": 12,
-    "neck": 20,
-    "clavicle": 10,
-    "upper_arm": 60,
-    "upper_arm.twist": 35,
-    "forearm": 60,
-    "hand": 15,
-    "thigh": 50,
-    "thigh.abduction": 25,
-    "thigh.rotation": 20,
-    "shin": 60,
-    "foot": 15,
-}
-# Standard deviation of a joint's turn within 1 / FPS beyond what was predicted, degrees.
-_STEP_SIGMA_DEG = {
-    "lumbar": 3,
-    "thorax": 3,
-    "neck": 6,
-    "clavicle": 4,
-    "upper_arm": 14,
-    "forearm": 16,
-    "hand": 12,
-    "thigh": 9,
-    "shin": 12,
-    "foot": 12,
-}
-_RELAXED_DEG = {
-    "upper_arm.abduction": -30,
-    "forearm.flexion": 20,
-    "shin.flexion": 8,
-    "thigh.flexion": 4,
-}
-# The same of joints that are not in the tables, and of bodies that are no person's, about which
-# nothing is known.
-_OTHER_USUAL_DEG, _OTHER_STEP_DEG, _ANY_USUAL_DEG, _ANY_STEP_DEG = 10, 3, 120, 12
+_DEGREES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 def _per_dof_rad(
@@ -61,12 +26,14 @@ def _per_dof_rad(
     """(D,) radians from a table by part or by part and movement, the same for both sides."""
     values = []
     for name in tree.dof_names:
-        base = name.removeprefix("left_").removeprefix("right_")
+        base = without_side(name)
         values.append(table_deg.get(base, table_deg.get(base.partition(".")[0], default_deg)))
     return np.radians(values)
 
 
-RELAXED_RAD = _per_dof_rad(_RELAXED_DEG, 0)  #: (D,) joint angles of a person's resting stance.
+RELAXED_RAD = _per_dof_rad(
+    _DEGREES["relaxed"], 0
+)  #: (D,) joint angles of a person's resting stance.
 
 
 def is_person_tree(tree: KinematicTree) -> bool:
@@ -78,8 +45,8 @@ def is_person_tree(tree: KinematicTree) -> bool:
 def usual_rad(tree: KinematicTree) -> np.ndarray:
     """(D,) deviation of a body's joint angles about `relaxed_rad`, wide where it is no person's."""
     if is_person_tree(tree):
-        return _per_dof_rad(_USUAL_DEG, _OTHER_USUAL_DEG, tree)
-    return np.full(len(tree.dofs), np.radians(_ANY_USUAL_DEG))
+        return _per_dof_rad(_DEGREES["usual"], _DEGREES["usual_of_others"], tree)
+    return np.full(len(tree.dofs), np.radians(_DEGREES["usual_of_other_bodies"]))
 
 
 @lru_cache(maxsize=16)
@@ -87,7 +54,7 @@ def relaxed_rad(tree: KinematicTree) -> np.ndarray:
     """(D,) joint angles of a body's resting stance: of other bodies than a person's at rest, or as
     near as the limits allow.
     """
-    table = _RELAXED_DEG if is_person_tree(tree) else {}
+    table = _DEGREES["relaxed"] if is_person_tree(tree) else {}
     return np.clip(_per_dof_rad(table, 0, tree), *tree.dof_limits_rad.T)
 
 
@@ -95,9 +62,9 @@ def relaxed_rad(tree: KinematicTree) -> np.ndarray:
 def pose_step_sigma(tree: KinematicTree) -> np.ndarray:
     """(6 + D,) deviations of a body's step within 1 / `FPS`, in the order of `Pose.minus`."""
     if is_person_tree(tree):
-        angles = _per_dof_rad(_STEP_SIGMA_DEG, _OTHER_STEP_DEG, tree)
+        angles = _per_dof_rad(_DEGREES["step"], _DEGREES["step_of_others"], tree)
     else:
-        angles = np.full(len(tree.dofs), np.radians(_ANY_STEP_DEG))
+        angles = np.full(len(tree.dofs), np.radians(_DEGREES["step_of_other_bodies"]))
     root = np.repeat([ROOT_STEP_M, ROOT_STEP_RAD], 3)
     return np.concatenate([np.full(6, 1e-5) if tree.root_fixed else root, angles])
 

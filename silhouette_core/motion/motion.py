@@ -174,23 +174,12 @@ class Motion:
 
     def select(self, rows: slice | NDArray) -> Motion:
         """Motion of some rows (not frame numbers)."""
-        return replace(
-            self,
-            root_m=self.root_m[rows],
-            root_quaternion=self.root_quaternion[rows],
-            angles_rad=self.angles_rad[rows],
-            frames=self.frames[rows],
-            time_s=self.time_s[rows],
-            filled=self.filled[rows],
-            unfiltered=self._unfiltered_at(self.frames[rows]),
-            quality={name: array[rows] for name, array in self.quality.items()},
-        )
-
-    def _unfiltered_at(self, frames: IntArray) -> Motion | None:
-        other = self.unfiltered
-        return (
-            None if other is None else other.select(np.flatnonzero(np.isin(other.frames, frames)))
-        )
+        names = "root_m", "root_quaternion", "angles_rad", "frames", "time_s", "filled"
+        chosen, other = {name: getattr(self, name)[rows] for name in names}, self.unfiltered
+        if other is not None:
+            other = other.select(np.flatnonzero(np.isin(other.frames, chosen["frames"])))
+        quality = {name: array[rows] for name, array in self.quality.items()}
+        return replace(self, **chosen, unfiltered=other, quality=quality)
 
 
 def posed_times(motions: Sequence[Motion]) -> dict[int, float]:

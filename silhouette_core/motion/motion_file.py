@@ -24,6 +24,7 @@ from silhouette_core.body.body_arrays import (
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.motion.conditioning import Conditioning
+from silhouette_core.motion.joint_files import FARTHEST_M
 from silhouette_core.motion.motion import Motion
 
 MOTION = "motion.safetensors"
@@ -52,7 +53,6 @@ _UNFIT = (
 # Half a day at 60 frames a second; a pose takes some 1,400 bytes.
 _MOST_POSES = 12 * 3600 * 60
 _LARGEST = 1500 * _MOST_POSES
-_FARTHEST_M = 100_000
 _LARGEST_RAD = 50
 _LATEST_S = 10**10
 _LARGEST_QUALITY = 10**9
@@ -246,7 +246,7 @@ def _check_values(motion: Motion) -> None:
             raise ValueError(f"quality.{name} holds numbers beyond {_LARGEST_QUALITY:g}")
     if not _SLOWEST_FPS <= motion.fps <= _FASTEST_FPS:
         raise ValueError(f"fps is {motion.fps:g}")
-    if not abs(motion.floor_m) <= _FARTHEST_M:
+    if not abs(motion.floor_m) <= FARTHEST_M:
         raise ValueError(f"floor_m is {motion.floor_m:g}")
     if not (np.abs(motion.up) < 2).all() or abs(np.linalg.norm(motion.up) - 1) > _UNIT_TOLERANCE:
         raise ValueError("up has not the length 1")
@@ -258,7 +258,7 @@ def _check_values(motion: Motion) -> None:
     if (np.abs(lengths - 1) > _UNIT_TOLERANCE).any():
         raise ValueError("root_quaternion has not the length 1")
     largest = {
-        "root_m": _FARTHEST_M,
+        "root_m": FARTHEST_M,
         "angles_rad": _LARGEST_RAD,
         "time_s": _LATEST_S,
         "frames": _MOST_POSES * 10,

@@ -54,7 +54,8 @@ class Carving:
     limb_m: float = 1.0
     """m. A leg's length with the foot: as far one camera's silhouette may show the body alone, and
     as far from somebody's axis the hull may be that person's. Without the latter seed 11, two
-    people before three cameras, has 48 mm instead of 29."""
+    people before three cameras, has 48 mm instead of 29. So far from the last position a
+    component's weight falls to 1 / e."""
     shrinkage: float = 0.9
     """1. Of a box's volume, or of the placements of limbs, above which reducing them ends: it costs
     no accuracy."""
@@ -74,8 +75,6 @@ class Carving:
     person_m: float = 1.6
     """m. In most poses it is so long; shorter ones count for less. As `person_m3`. Of static
     things, what is so long may be the person, and the body that of something else."""
-    near_m: float = 1.0
-    """m. From the last position, where a component's weight falls to 1 / e. Chosen by eye."""
     unlikely: float = 2.5
     """1. Hulls so many times larger or smaller than people are in a wrong unit. By eye."""
     off_axis: float = 1.5
@@ -186,9 +185,6 @@ class PersonCost:
     """m. From the hull's middle, within which its height is taken: a torso's radius. Largest height
     of five frames over the stature, logarithm, 5 to 95 %, seeds 201 to 224: two cameras -0.04 to
     0.05 (all of the hull -0.03 to 0.26), three -0.06 to 0.03 (0.05), four -0.06 to 0.02 (0.02)."""
-    hull_farthest_sigmas: float = 3.0
-    """1. Standard deviations beyond which the hull's height says nothing, of who crouches or
-    reaches up: term `hull`. As a factor 1.16; 1.15 stood for it, chosen by eye."""
     adult_sigma_m: float = 0.12
     """m. Standard deviation of statures about the usual one: term `stature`. ANSUR II has 0.09 for
     men and women together; other peoples and youths widen it by eye."""

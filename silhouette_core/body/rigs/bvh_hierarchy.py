@@ -7,6 +7,7 @@ from pathlib import Path
 
 from calib.errors import InputError
 
+LARGEST_CLIP = 300_000_000  #: Bytes of a clip of any format; an hour takes a tenth of it.
 MOST_JOINTS = 1000  #: Joints of a recorded skeleton; with all fingers some two hundred.
 LARGEST_VALUE = 10_000_000  #: Every angle, in degrees, and position, in any unit, is below it.
 _CHANNEL = re.compile(r"^([XYZ])(position|rotation)$", re.IGNORECASE)

@@ -11,7 +11,7 @@ from calib.storage.documents import load_text
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import Capsule, body_of_parts
-from silhouette_core.body.rigs.bvh_hierarchy import BvhJoint, split_bvh
+from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_CLIP, BvhJoint, split_bvh
 from silhouette_core.body.rigs.rig_checks import (
     check_bones,
     check_different,
@@ -22,7 +22,6 @@ from silhouette_core.body.rigs.rig_checks import (
 from silhouette_core.body.rigs.rig_dofs import FREE_DEG, UNITS_M, RigTable, read_rig_table
 from silhouette_core.tuning import MEASURING
 
-_LARGEST = 300_000_000
 _TURNS = {"X": (1, 0, 0), "Y": (0, 0, 1), "Z": (0, -1, 0)}  # y up to z up
 _TABLE_AXES = {"X": ("x", 1), "Y": ("z", 1), "Z": ("y", -1)}
 
@@ -41,7 +40,7 @@ def read_bvh_rig(path: Path) -> BodyModel:
         path: the file. BVH does not say its unit: NAME.rig.toml beside it has to.
     """
     table = read_rig_table(path)
-    joints, _ = split_bvh(load_text(path, _LARGEST, errors="replace"), path)
+    joints, _ = split_bvh(load_text(path, LARGEST_CLIP, errors="replace"), path)
     if table.unit is None:
         raise InputError(
             f'{path} does not say its unit of length: which is it? Write unit = "cm" (or'

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
+from silhouette_core.body.body_arrays import MOST_ROWS
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigs.closed_surface import close_surface
 from silhouette_core.body.rigs.gltf_document import GltfDocument
 from silhouette_core.body.rigs.rig_checks import (
-    MOST_VERTICES,
     check_bones,
     check_different,
     check_rest,
@@ -78,8 +78,8 @@ def read_gltf(path: Path) -> BodyModel:
         for primitive in _primitives(document, mesh):
             surfaces.append(_surface_of(document, primitive, parts, moves))
             count = max(sum(len(s.vertices) for s in surfaces), sum(len(s.faces) for s in surfaces))
-            if count > MOST_VERTICES:
-                raise InputError(f"{path} has more than {MOST_VERTICES} triangles: simplify it")
+            if count > MOST_ROWS:
+                raise InputError(f"{path} has more than {MOST_ROWS} triangles: simplify it")
     if not surfaces:
         raise InputError(f"{path} has a skinned mesh without triangles: export it again")
     table = read_rig_table(path)
@@ -100,7 +100,7 @@ def _body(
     faces = np.concatenate([s.faces + n for s, n in zip(surfaces, first, strict=False)])
     check_rest(path, joints, vertices)
     used, faces, vertices, _ = close_surface(vertices, faces)
-    if not 0 < len(faces) <= MOST_VERTICES:
+    if not 0 < len(faces) <= MOST_ROWS:
         raise InputError(f"{path} has a skinned mesh without an area, or too many holes: mend it")
     widest = max(surface.parts.shape[1] for surface in surfaces)
     room = [((0, 0), (0, widest - surface.parts.shape[1])) for surface in surfaces]
@@ -218,8 +218,8 @@ def _surface_of(
     if not isinstance(attributes, dict):
         raise document.damaged("a primitive has no attributes")
     points = document.array(attributes.get("POSITION"), ("VEC3",)).astype(float)
-    if len(points) > MOST_VERTICES:
-        raise InputError(f"{document.path} has more than {MOST_VERTICES} vertices: simplify it")
+    if len(points) > MOST_ROWS:
+        raise InputError(f"{document.path} has more than {MOST_ROWS} vertices: simplify it")
     joint_sets, shares = [], []
     for k in range(_MOST_SETS):
         if f"JOINTS_{k}" not in attributes:
@@ -239,7 +239,7 @@ def _surface_of(
     if (
         len(corners) % 3
         or not 0 <= corners.min() <= corners.max() < len(points)
-        or len(corners) > 3 * MOST_VERTICES
+        or len(corners) > 3 * MOST_ROWS
     ):
         raise document.damaged("its triangles are too many, or have vertices that do not exist")
     rest = np.zeros((len(points), 3))

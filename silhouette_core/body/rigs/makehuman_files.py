@@ -18,7 +18,8 @@ import numpy as np
 from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
 from calib.storage.documents import load_text, parse_json
-from silhouette_core.body.rigs.rig_checks import MOST_VERTICES, short, z_up
+from silhouette_core.body.body_arrays import MOST_ROWS
+from silhouette_core.body.rigs.rig_checks import short, z_up
 
 _LARGEST = 60_000_000  # bytes of a file; the largest, skin weights, have 3 MB
 _FARTHEST_DM = 10_000
@@ -55,8 +56,8 @@ def read_base_mesh(folder: Path) -> BaseMesh:
                     triangles += [
                         (corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)
                     ]
-            if max(len(positions), len(triangles)) > MOST_VERTICES:
-                raise ValueError(f"it has more than {MOST_VERTICES} vertices or faces")
+            if max(len(positions), len(triangles)) > MOST_ROWS:
+                raise ValueError(f"it has more than {MOST_ROWS} vertices or faces")
         vertices = np.array(positions, float).reshape(len(positions), 3)
         faces = np.array(triangles, np.int64).reshape(-1, 3)
         used = np.array([corner for indices in members.values() for corner in indices], np.int64)

@@ -8,13 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.checks import FloatArray, IndexArray, RealArray
 from calib.errors import InputError
+from silhouette_core.body.body_arrays import LONGEST_NAME, MOST_PARTS
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
 
-MOST_PARTS = 250  #: Parts of a body; the image of part numbers holds 254.
-MOST_VERTICES = 400_000  #: Vertices or triangles of a body.
 SMALLEST_M, LARGEST_M = 1 / 100, 100  #: Smallest and largest extent of a body.
-LONGEST_NAME = 80
 
 
 def z_up(points: ArrayLike) -> FloatArray:

@@ -17,7 +17,7 @@ TURNS = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 FREE_DEG = 150  #: Limits of a joint of which nothing is known: so far to either side.
 UNITS_M = METRES | {"in": 254 / 10_000, "ft": 3048 / 10_000}
 """Units of length that a table can name, in metres."""
-_LARGEST_TABLE = 1_000_000
+LARGEST_TABLE = 1_000_000  #: Bytes of a table in TOML.
 _Angle = Annotated[float, Meta(ge=-360, le=360)]
 
 
@@ -69,7 +69,7 @@ def read_rig_table(path: Path) -> RigTable:
     if not file.is_file():
         return RigTable()
     try:
-        table = msgspec.convert(parse_toml(load_text(file, _LARGEST_TABLE), file), RigTable)
+        table = msgspec.convert(parse_toml(load_text(file, LARGEST_TABLE), file), RigTable)
     except msgspec.ValidationError as error:
         raise InputError(f"{file}: {error}; correct it") from None
     if table.unit is not None and table.unit not in UNITS_M:

@@ -11,11 +11,11 @@ from silhouette_core.body.rigs.bvh_rig import read_bvh_rig
 from silhouette_core.body.rigs.gltf_rig import read_gltf
 from silhouette_core.body.rigs.makehuman import CMU, MakeHumanPerson, read_makehuman
 from silhouette_core.body.rigs.rig_checks import short
+from silhouette_core.body.rigs.rig_dofs import LARGEST_TABLE
 from silhouette_core.body.rigs.urdf_rig import read_urdf
 
 RIG_SUFFIXES = (".glb", ".gltf", ".urdf", ".bvh", ".toml")
 """Suffixes of files that `read_rig_body` reads; .toml with a table [makehuman]."""
-_LARGEST_TABLE = 1_000_000
 _HUMAN_TREE = "human"
 
 
@@ -65,7 +65,7 @@ def read_makehuman_table(path: Path) -> BodyModel:
     for this project's human tree. Raises InputError where the file or the folder is damaged, or the
     table holds something else.
     """
-    content = parse_toml(load_text(path, _LARGEST_TABLE), path)
+    content = parse_toml(load_text(path, LARGEST_TABLE), path)
     table = content.get("makehuman")
     if not isinstance(table, dict):
         raise InputError(f"{path} has no table [makehuman]: write one with folder = …")

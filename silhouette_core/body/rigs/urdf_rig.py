@@ -15,18 +15,12 @@ import numpy as np
 from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
 from calib.storage.documents import load_text, parse_xml
+from silhouette_core.body.body_arrays import MOST_PARTS, MOST_ROWS
 from silhouette_core.body.kinematic_tree import Dof, KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.rigid_parts import ClosedMesh, RigidShape, body_of_parts
 from silhouette_core.body.rigs.closed_surface import MESH_SUFFIXES, close_surface, read_triangles
-from silhouette_core.body.rigs.rig_checks import (
-    LARGEST_M,
-    MOST_PARTS,
-    MOST_VERTICES,
-    check_rest,
-    parents_first,
-    short,
-)
+from silhouette_core.body.rigs.rig_checks import LARGEST_M, check_rest, parents_first, short
 from silhouette_core.body.rigs.rig_dofs import read_rig_table
 
 _LARGEST = 20_000_000
@@ -89,9 +83,9 @@ def read_urdf(path: Path, say: Callable[[str], None] = lambda line: None) -> Bod
         for shape in link_shapes(path, links[link], robot.world[link]):
             shapes[robot.part[link]].append(shape)
             count += len(shape.vertices_m), len(shape.faces)
-            if count.max() > MOST_VERTICES:
+            if count.max() > MOST_ROWS:
                 raise InputError(
-                    f"{path}: its meshes have more than {MOST_VERTICES} triangles: simplify them"
+                    f"{path}: its meshes have more than {MOST_ROWS} triangles: simplify them"
                 )
     surface = [
         s.vertices_m for solids in shapes.values() for s in solids if isinstance(s, ClosedMesh)
@@ -269,7 +263,7 @@ def _mesh(path: Path, mesh: Any) -> Any:
     scale = np.ones(3) if mesh.scale is None else np.ravel(np.asarray(mesh.scale, float))
     if len(scale) not in (1, 3) or not ((np.abs(scale) > 1e-6) & (np.abs(scale) < 1e6)).all():
         raise InputError(f"{path}: the mesh {short(mesh.filename)} has no usable scale")
-    loaded = read_triangles(file, MOST_VERTICES)
+    loaded = read_triangles(file, MOST_ROWS)
     loaded.apply_scale(scale if len(scale) == 3 else float(scale[0]))
     return loaded
 

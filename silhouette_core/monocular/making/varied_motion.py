@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ndtr
 
 from calib.checks import BoolArray, FloatArray
-from silhouette_core.body.joints import HUMAN
+from silhouette_core.body.joints import HUMAN, SIDES
 from silhouette_core.monocular.tuning import VARIED_MOTION as VARIED
 from silhouette_core.motion.kinematics import quaternions, rotation_matrices
 from silhouette_core.motion.motion import Motion
@@ -31,7 +31,7 @@ def _limbs(*parts: str) -> list[BoolArray]:
                 for name in HUMAN.dof_names
             ]
         )
-        for side in ("left", "right")
+        for side in SIDES
     ]
 
 

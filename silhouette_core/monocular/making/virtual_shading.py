@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import BoolArray, ByteArray, Float32Array, IndexArray
-from silhouette_core.body.joints import PART_NAMES
+from silhouette_core.body.joints import PART_NAMES, without_side
 from silhouette_core.monocular.tuning import VIRTUAL_SHADING as SHADING
 
 _COLOURS, _LEVELS = 4, 62  # labels stay below 255
@@ -58,7 +58,7 @@ def part_colours(bare: BoolArray) -> NDArray[np.intp]:
     Args:
         bare: (27,), parts that have the colour of the head.
     """
-    names = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
+    names = [without_side(name) for name in PART_NAMES]
     colours = np.array([2 if name in _BELOW else 3 if name in _SHOES else 1 for name in names])
     return np.where(bare, 0, colours)
 

@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import BoolArray, ByteArray, Float32Array, FloatArray, IndexArray
-from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES, PART_NAMES
+from silhouette_core.body.joints import (
+    EXCHANGED_LANDMARKS,
+    LANDMARK_NAMES,
+    PART_NAMES,
+    without_side,
+)
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_many
@@ -252,8 +257,7 @@ def _bare_parts(rng: np.random.Generator) -> BoolArray:
             bare |= {"foot", "toes"}
     if rng.random() < PEOPLE.skin_like:  # clothes of the same colours
         bare |= set(_SKIN_LIKE_PARTS[int(rng.integers(len(_SKIN_LIKE_PARTS)))])
-    names = [name.removeprefix("left_").removeprefix("right_") for name in PART_NAMES]
-    return np.array([name in bare for name in names])
+    return np.array([without_side(name) in bare for name in PART_NAMES])
 
 
 def _skin_grids(
@@ -372,7 +376,8 @@ def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator)
     Args:
         frames: number of frames wanted; every frame is taken equally often, or once more.
     """
-    thinned = [motion.select(slice(None, None, _stride(motion))) for motion in motions]
+    strides = [max(1, round(motion.fps / FPS)) for motion in motions]
+    thinned = [one.select(slice(None, None, k)) for one, k in zip(motions, strides, strict=True)]
     thinned = [motion for motion in thinned if len(motion) >= _SHORTEST]
     stretches: list[Motion] = []
     planned = 0
@@ -389,7 +394,3 @@ def plan_takes(motions: Sequence[Motion], frames: int, rng: np.random.Generator)
                 stretches.append(this_pass[chosen])
                 planned += len(this_pass[chosen])
     return [stretches[chosen] for chosen in rng.permutation(len(stretches))]
-
-
-def _stride(motion: Motion) -> int:
-    return max(1, round(motion.fps / FPS))

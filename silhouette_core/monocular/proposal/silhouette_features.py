@@ -29,18 +29,17 @@ from calib.checks import (
 )
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
+from silhouette_core.monocular.window import SIZE, STATURE_PX
 
-GRID = (60, 80)  #: Rows and columns of the grid of coverage.
+GRID = SIZE[1] // 4, SIZE[0] // 4  #: Rows and columns of the grid of coverage, (60, 80).
 FEET_GRID = (28, 48)  #: Rows and columns of the grid of the lowest part, of half the cell size.
-STATURE_CELLS = 158 / 4  #: Cells of a stature at the assumed distance: 158 px of the window.
+STATURE_CELLS = STATURE_PX / 4  #: Cells of a stature at the assumed distance.
 FULL = 4  #: Coverage of a cell inside the silhouette.
 NEUTRAL = 32  #: Shading of a cell as bright as others of its colour, or outside the silhouette.
 OFFSETS_S = np.array([-12, -8, -5, -2, 2, 5, 8, 12]) / 30  #: Instants read beside a frame's own, s.
 OUTLINE_CODES, FEET_COMPONENTS, INSIDE_CODES = 128, 48, 96
 """Codes of the outline, principal components of the feet, codes of what lies inside."""
 SEEN_CODES = 3 * len(LANDMARK_NAMES)  #: Numbers that state where joints are seen, see `seen_codes`.
-_FUTURE = OFFSETS_S > 0
-_WINDOW_PX = (240, 320)
 # Codes that are read of the instants beside a frame's own.
 _OUTLINE_BESIDE, _INSIDE_BESIDE = 48, 40
 _SHADES = 48  # levels of a factor of e
@@ -133,7 +132,7 @@ def coverage_grid(masks: BoolArray) -> ByteArray:
     """Coverage (…, 60, 80) uint8, 0 to 4, of silhouettes (…, 240, 320) bool in the library's
     window: of 2 x 2 pixels two must be set, of these 2 x 2 are counted.
     """
-    check_array("masks", masks.reshape(-1, *masks.shape[-2:]), ("N", *_WINDOW_PX), np.bool_)
+    check_array("masks", masks.reshape(-1, *masks.shape[-2:]), ("N", *SIZE[::-1]), np.bool_)
     return counted(reduce_silhouette(masks).view(np.uint8))
 
 
@@ -234,11 +233,6 @@ def nearby_frames(time_s: RealArray) -> IntArray:
     return np.where(later, after, before)
 
 
-def past_only(nearby: IntArray, frames: IndexArray) -> IntArray:
-    """Nearby frames (n, 8) of frames (n,), the later ones replaced by the frame itself."""
-    return np.where(_FUTURE, np.asarray(frames)[:, None], nearby)
-
-
 def network_inputs(
     features: FrameFeatures,
     frames: IndexArray,
@@ -261,7 +255,8 @@ def network_inputs(
         np.ones(len(frames), bool) if read is None else read for read in (coloured, jointed)
     )
     known = (coloured & codes.coloured[frames])[:, None]
-    nearby = np.where(causal[:, None], past_only(nearby, frames), nearby)
+    later = causal[:, None] & (OFFSETS_S > 0)  # which are replaced by the frame itself
+    nearby = np.where(later, np.asarray(frames)[:, None], nearby)
     axes = level_axes(features.heading_rad[frames])
     moved = features.anchor[nearby] - features.anchor[frames][:, None]
     return np.concatenate(

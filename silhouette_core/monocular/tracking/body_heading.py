@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.checks import FloatArray
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import LANDMARK_NAMES, SIDES
 from silhouette_core.monocular.tuning import HEADING
 from silhouette_core.motion.dynamics import FPS
 
 _HEADINGS = 72
 _STATES_RAD = np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS
 _LEFT, _RIGHT = (
-    [LANDMARK_NAMES.index(f"{side}_{name}") for name in ("hip", "shoulder")]
-    for side in ("left", "right")
+    [LANDMARK_NAMES.index(f"{side}_{name}") for name in ("hip", "shoulder")] for side in SIDES
 )
 
 

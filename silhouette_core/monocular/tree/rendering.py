@@ -20,12 +20,12 @@ from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.image.raster import render_many
 from silhouette_core.image.spans import Spans
 from silhouette_core.monocular.tree.kernels import rendering as kernels
-from silhouette_core.monocular.window import STATURE_PX
+from silhouette_core.monocular.window import SIZE, STATURE_PX
 from silhouette_core.motion import kinematics
 
-SIZES_PX = ((80, 60), (160, 120), (320, 240))
+WINDOW_PX = SIZE
+SIZES_PX = tuple((WINDOW_PX[0] // reduced, WINDOW_PX[1] // reduced) for reduced in (4, 2, 1))
 """(width, height) of the silhouettes of the tree's levels, coarse to fine, px."""
-WINDOW_PX = SIZES_PX[-1]
 DISTANCE = 16 / 7  #: Distance of the pelvis from the camera, in statures: 4 m for 1.75 m.
 FOCAL_PX = STATURE_PX * DISTANCE
 _CANVAS_PX = 448

@@ -14,9 +14,7 @@ from scipy.spatial.transform import Rotation
 from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
 from calib.storage.documents import load_text
-from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, BvhJoint, split_bvh
-
-LARGEST_CLIP = 300_000_000  #: Bytes of a clip of any format; an hour takes a tenth of it.
+from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_CLIP, LARGEST_VALUE, BvhJoint, split_bvh
 
 
 def read_bvh(path: Path) -> tuple[list[BvhJoint], FloatArray, float]:

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from calib.checks import FloatArray, IntArray
 from calib.errors import InputError
 from calib.storage.documents import load_text, parse_json
-from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_VALUE, MOST_JOINTS
-from silhouette_core.motion.mocap.bvh import LARGEST_CLIP, check_numbers
+from silhouette_core.body.rigs.bvh_hierarchy import LARGEST_CLIP, LARGEST_VALUE, MOST_JOINTS
+from silhouette_core.motion.mocap.bvh import check_numbers
 
 # The CMU skeleton of the motion-prediction literature, for a skeleton.json without "names".
 _CMU = tuple(

@@ -9,17 +9,15 @@ from pathlib import Path
 
 from calib.errors import InputError
 from calib.storage.documents import load_text, parse_toml
+from silhouette_core.body.joints import SIDES, without_side
+from silhouette_core.body.rigs.rig_dofs import LARGEST_TABLE
 
-_SIDES = ("left", "right")
 _MIDDLE = ("pelvis", "lumbar", "thorax", "neck", "head")
 _LIMBS = ("clavicle", "upper_arm", "forearm", "hand", "thigh", "shin", "foot", "toes")
 _OPTIONAL = {"lumbar", "neck", "head", "clavicle", "toes"}
-ROLES = _MIDDLE + tuple(f"{side}_{limb}" for side in _SIDES for limb in _LIMBS)
+ROLES = _MIDDLE + tuple(f"{side}_{limb}" for side in SIDES for limb in _LIMBS)
 """The mapped joints: each is the proximal end of the body model's part of that name."""
-NEEDED = tuple(
-    role for role in ROLES if role.removeprefix("left_").removeprefix("right_") not in _OPTIONAL
-)
-_LARGEST_MAP = 1_000_000  # bytes
+NEEDED = tuple(role for role in ROLES if without_side(role) not in _OPTIONAL)
 _SHIPPED = ("cmu", "cc_base", "mixamo", "plain")
 _SIDE_WORD = re.compile(r"\{(Left|left|L|l)\}")
 _RIGHT = {"Left": "Right", "left": "right", "L": "R", "l": "r"}
@@ -46,7 +44,7 @@ class NameMap:
         and RightUpLeg; {left}, {L} and {l} likewise. Raises InputError where it is missing, no
         TOML, or has a line that is no role.
         """
-        text = load_text(path, _LARGEST_MAP)
+        text = load_text(path, LARGEST_TABLE)
         return cls._from_toml(path.name, parse_toml(text, path))
 
     @classmethod
@@ -74,7 +72,7 @@ class NameMap:
             if key in ROLES:
                 names[key] = tuple(spellings)
             elif key in _LIMBS:
-                for side in _SIDES:
+                for side in SIDES:
                     names[f"{side}_{key}"] = tuple(of_side(side, one) for one in spellings)
             else:
                 raise InputError(

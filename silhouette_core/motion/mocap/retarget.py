@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from calib.checks import FloatArray
 from calib.rotation import nearest_rotation
 from calib.upright import UprightFrame
+from silhouette_core.body.joints import SIDES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.inverse_kinematics import Targets, lowest_foot
@@ -24,7 +25,6 @@ from silhouette_core.motion.mocap.skeleton import MocapClip, place_joints
 from silhouette_core.motion.motion import Motion
 from silhouette_core.tuning import RETARGETING
 
-SIDES = ("left", "right")
 _TRUNK = ("pelvis", "lumbar", "thorax", "neck", "head", "left_clavicle", "right_clavicle")
 _BONES = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
 _HINGES = ("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot")

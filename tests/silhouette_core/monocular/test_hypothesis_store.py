@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from calib.upright import Z_UP, UprightFrame
 from silhouette_core.monocular.monocular_estimator import HypothesisStore
 
 
 def test_the_store_gives_back_what_was_put_as_often_as_asked():
-    rng, store, put = np.random.default_rng(0), HypothesisStore(), []
+    rng, store, put = np.random.default_rng(0), HypothesisStore(UprightFrame.from_up(Z_UP)), []
     for frame in (3, 4, 9):
         count = int(rng.integers(1, 6))
         put.append((frame, rng.random(count), rng.normal(size=(count, 15, 3))))

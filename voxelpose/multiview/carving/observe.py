@@ -194,7 +194,7 @@ class HullObserver:
             weight = weight * fitting**2
         if near_m is not None and len(weight) > 1:
             distance = np.linalg.norm(components["center_m"] - near_m, axis=1)
-            weight = weight * np.exp(-((distance / CARVING.near_m) ** 2))
+            weight = weight * np.exp(-((distance / CARVING.limb_m) ** 2))
         best = int(weight.argmax())
         return best if components["volume_m3"][best] >= CARVING.smallest_m3 else None
 

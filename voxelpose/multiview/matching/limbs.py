@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.body.joints import HUMAN, PART_NAMES
+from silhouette_core.body.joints import HUMAN, PART_NAMES, SIDES
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.dynamics import is_person_tree
@@ -52,7 +52,7 @@ def _limbs() -> tuple[Limb, ...]:
         TORSO,
         Limb("neck", ("neck", "head"), "pelvis", swing=("neck.flexion", "neck.lateral")),
     ]
-    for side in ("left", "right"):
+    for side in SIDES:
         arm, forearm = f"{side}_upper_arm", f"{side}_forearm"
         thigh, shin = f"{side}_thigh", f"{side}_shin"
         hand = tuple(f"{side}_{part}" for part in ("hand", "thumb", "fingers"))
@@ -70,7 +70,7 @@ LIMBS = _limbs()
 CHAINS = tuple(
     tuple(next(limb for limb in LIMBS if limb.name == f"{side}_{part}") for part in chain)
     for chain in (("upper_arm", "forearm"), ("thigh", "shin"))
-    for side in ("left", "right")
+    for side in SIDES
 )
 """The arms and the legs, each from its upper to its lower part."""
 _MOST_SAMPLES = 2500  # of one limb that is no person's

@@ -174,7 +174,8 @@ class PeopleTrack:
         """See `Alternation.first`; beside the others' pieces of hull, which hide more of a person
         than bodies do.
         """
-        return [self.work.tracked(seen) for seen in self._observations(self._hull_pieces())]
+        pieces = _in_turn(self._hull_pieces_at, self.prepared.store)
+        return [self.work.tracked(seen) for seen in self._observations(pieces)]
 
     def again(self, tracked: list[Tracked]) -> list[Tracked]:
         """See `Alternation.again`; beside the others' bodies, with the bodies as they are."""
@@ -214,11 +215,8 @@ class PeopleTrack:
             for masks, others in resources.enter_context(each)
         ]
 
-    def _hull_pieces(self) -> Iterator[list[Masks | None]]:
-        """Where each frame's people and things are seen, by the hull about them."""
-        return _in_turn(self._hull_pieces_at, self.prepared.store)
-
     def _hull_pieces_at(self, t: int) -> list[Masks | None]:
+        """Where a frame's people and things are seen, by the hull about them."""
         axes_m = np.concatenate([self.places_m, self.things_m])[:, t, :2]
         pieces = hull_pieces(self.prepared.store[t], axes_m, self.prepared.observer)
         return seen_pieces(pieces, self.prepared.footage.people_masks(t))

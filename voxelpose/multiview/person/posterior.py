@@ -21,7 +21,7 @@ from silhouette_core.body.population import sex_probability, usual_range
 from silhouette_core.body.sizes import CHESTS_M, STATURES_M, BodySizes
 from silhouette_core.estimator import Settings
 from silhouette_core.refinement.adaptation import Stature, stature_of
-from silhouette_core.tuning import MEASURING
+from silhouette_core.tuning import MEASURING, REFINEMENT
 from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.tuning import HULL_GIRTH, PERSON_COST, PROPOSALS
 
@@ -232,7 +232,7 @@ def _hull(metres: float, evidence: StatureEvidence) -> float:
     """Of the height that fits better; 0 where it is as far off as of somebody who sits."""
     if evidence.told_m is not None or not evidence.hull_m:
         return 0.0
-    farthest = PERSON_COST.hull_farthest_sigmas
+    farthest = REFINEMENT.largest_shape
     sigma = np.hypot(PERSON_COST.hull_sigma, evidence.distance_sigma)
     sigmas = np.abs(np.log(metres / np.array(evidence.hull_m))).min() / sigma
     return 0.5 * float(min(sigmas, farthest) ** 2 - farthest**2)

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from calib.checks import FloatArray
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import LANDMARK_NAMES, SIDES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import STATURES_M, BodySizes
 from silhouette_core.image.seen_joints import SeenJoints, deviations_m
@@ -97,7 +97,7 @@ def proposals_of(
 
 _ROUNDS = 5  # of reweighting
 _LIMBS = "hip knee", "knee ankle", "shoulder elbow", "elbow wrist"
-_ENDS = [f"{side}_{name}" for side in ("left", "right") for limb in _LIMBS for name in limb.split()]
+_ENDS = [f"{side}_{name}" for side in SIDES for limb in _LIMBS for name in limb.split()]
 _BONES = np.array([LANDMARK_NAMES.index(name) for name in ("pelvis", "neck", *_ENDS)]).reshape(
     -1, 2
 )

@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 
 from calib.checks import BoolArray
-from calib.components import label_components
-from silhouette_core.image.cleanup import clean, dilated
+from silhouette_core.image.cleanup import clean, dilated, opened, pieces_with
 from silhouette_core.image.difference import window_radius
 from silhouette_core.refinement.observation import PinholeViews
 from voxelpose.multiview.carving.carver import CarveRule, carve
@@ -70,7 +69,7 @@ class SilhouetteCompletion:
         completed = []
         for c, (mask, more) in enumerate(zip(masks, possible, strict=True)):
             added = more & (self._footprint(allowed, c) | self._footprint(agreed, c))
-            completed.append(mask | _opened(added & ~mask))
+            completed.append(mask | opened(added & ~mask, _THIN_PX))
         return views.without_unknown(completed)
 
     def _without_holes(self, mask: BoolArray, c: int) -> BoolArray:
@@ -85,10 +84,7 @@ class SilhouetteCompletion:
         explained = mask & self._footprint(hull, c)
         if not explained.any():
             return explained
-        components = label_components(mask)
-        shows = np.zeros(len(components.sizes), np.bool_)
-        shows[components.labels[explained]] = True
-        return _opened(shows[components.labels] & ~explained)
+        return opened(pieces_with(mask, explained) & ~explained, _THIN_PX)
 
     def _footprint(self, hull: BoolArray, c: int) -> BoolArray:
         """Pixels (h, w) of a camera into which voxels project, without gaps between them."""
@@ -96,9 +92,3 @@ class SilhouetteCompletion:
         marked = np.zeros(camera.size[::-1], np.uint8)
         mark_voxels(hull, *self._grid.axes(), camera.projection, marked)
         return dilated(marked.view(np.bool_), int(np.ceil(1.5 * self._voxel_px[c])) | 1)
-
-
-def _opened(mask: BoolArray) -> BoolArray:
-    square = np.ones((_THIN_PX, _THIN_PX), np.uint8)
-    opened = cv2.morphologyEx(mask.view(np.uint8), cv2.MORPH_OPEN, square)
-    return np.asarray(opened, np.uint8).view(np.bool_)

@@ -25,17 +25,13 @@ PINHOLE, RATIONAL, FISHEYE = 0, 1, 2
 
 # Columns of a camera's row; the first twelve are K [R | t] of a pinhole camera, and [R | t] of any
 # other.
-FX, SKEW, CX, FY, CY = 12, 13, 14, 15, 16
-K1, K2, P1, P2, K3, K4, K5, K6 = 17, 18, 19, 20, 21, 22, 23, 24
-S1, S2, S3, S4 = 25, 26, 27, 28
-TILT = 29  # nine numbers, row by row
-FIELD_SQUARED, SEEN_RADIUS, REACH = 38, 39, 40
-COLUMNS = 41
+FX, SKEW, CX, FY, CY, K1, K2, P1, P2, K3, K4, K5, K6, S1, S2, S3, S4, TILT = range(12, 30)
+FIELD_SQUARED, SEEN_RADIUS, REACH, COLUMNS = range(TILT + 9, TILT + 13)  # TILT: row by row
 
 # Columns of a camera's frame: its image; the crop, which is the box of its foreground and unknown
 # places and one pixel around; where that starts in pixels and in sums; what a pixel in the
 # foreground counts in the sums.
-WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS, COUNTS = 0, 1, 2, 3, 4, 5, 6, 7, 8
+WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS, COUNTS = range(9)
 
 # Verdict of one camera on a voxel, or on all voxels of a block. UNCLEAR: they differ, but all are
 # visible. CUT: some may not be visible. BLIND is also what a voxel adds to the votes of a leaf:
