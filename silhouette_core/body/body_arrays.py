@@ -45,6 +45,15 @@ def body_arrays(model: BodyModel) -> tuple[dict[str, NDArray], str]:
     return {name: np.asarray(getattr(model, name)) for name in BODY_TYPES}, json.dumps(text)
 
 
+def with_prefix(arrays: Mapping[str, NDArray], prefix: str) -> dict[str, NDArray]:
+    """Arrays whose names begin with a prefix, by the rest of their names."""
+    return {
+        name.removeprefix(prefix): array
+        for name, array in arrays.items()
+        if name.startswith(prefix)
+    }
+
+
 def body_from_arrays(arrays: Mapping[str, NDArray], text: str) -> BodyModel:
     """Body of arrays and text as `body_arrays` gives them, from a file that may hold anything.
     Raises KeyError where something is missing; TypeError where something is of another type;

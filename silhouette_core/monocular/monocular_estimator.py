@@ -302,13 +302,21 @@ def _people(
     name = source.rig.names[0]
     for step, (number, seconds, frames) in enumerate(source):
         with clock("silhouettes"):
-            mask = silhouettes.of(frames, step=step)[name]
-            person = finder.find(frames[name], mask, silhouettes.of_people(name, step))
-            if person is not None:
-                person = replace(person, joints=silhouettes.joints(name, step, person.mask))
-            elif silhouettes.shows_nobody(name, step) and find_person(mask) is None:
-                absent.add(number)
+            person, nobody = person_in(frames[name], name, step, silhouettes, finder)
+        if nobody:
+            absent.add(number)
         yield number, seconds, person
+
+
+def person_in(
+    frame: Frame, name: str, step: int, silhouettes: Silhouettes, finder: PersonFinder
+) -> tuple[Person | None, bool]:
+    """The person in a camera's next frame, and whether nobody is seen there at all."""
+    mask = silhouettes.of({name: frame}, step=step)[name]
+    person = finder.find(frame, mask, silhouettes.of_people(name, step))
+    if person is None:
+        return None, silhouettes.shows_nobody(name, step) and find_person(mask) is None
+    return replace(person, joints=silhouettes.joints(name, step, person.mask)), False
 
 
 def _estimates(

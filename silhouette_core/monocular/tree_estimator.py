@@ -21,10 +21,11 @@ from silhouette_core.monocular.body_library import some_silhouettes
 from silhouette_core.monocular.monocular_estimator import (
     HypothesisStore,
     check_person,
+    person_in,
     upright_frame,
 )
 from silhouette_core.monocular.monocular_stages import assumed_stature
-from silhouette_core.monocular.person import find_person, upright_distance
+from silhouette_core.monocular.person import upright_distance
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.build import build_library
@@ -98,11 +99,9 @@ class TreeEstimator:
         for step, (number, time_s, frames) in enumerate(source):
             with clock("total"):
                 with clock("silhouettes"):
-                    mask = silhouettes.of(frames)[name]
-                    person = finder.find(frames[name], mask)
-                    nobody = person is None and silhouettes.shows_nobody(name, step)
-                    if nobody and find_person(mask) is None:
-                        absent.add(number)
+                    person, nobody = person_in(frames[name], name, step, silhouettes, finder)
+                if nobody:
+                    absent.add(number)
                 if person is not None:
                     with clock("estimation"):
                         pose, error, probability, joints = follower.step(time_s, person.mask)

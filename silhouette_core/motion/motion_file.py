@@ -20,6 +20,7 @@ from silhouette_core.body.body_arrays import (
     MOST_ROWS,
     body_arrays,
     body_from_arrays,
+    with_prefix,
 )
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape
@@ -187,11 +188,7 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
         unfiltered=None,
         corrections=(),
         **{name: arrays[name] for name in (*_POSES, "frames", "time_s")},
-        quality={
-            name.removeprefix(_QUALITY): array
-            for name, array in arrays.items()
-            if name.startswith(_QUALITY)
-        },
+        quality=with_prefix(arrays, _QUALITY),
         up=arrays.get("up", Z_UP),  # earlier files have z up
         floor_m=float(about.get("floor_m", 0.0)),
         filled=arrays.get("filled", np.zeros(0, bool)),
@@ -212,12 +209,7 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
 def _model(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> BodyModel:
     """The body: as given, or made from a person's measurements."""
     if "tree" in about:
-        given = {
-            name.removeprefix(_BODY): array
-            for name, array in arrays.items()
-            if name.startswith(_BODY)
-        }
-        return body_from_arrays(given, about["tree"])
+        return body_from_arrays(with_prefix(arrays, _BODY), about["tree"])
     chest, changes = about["chest_girth_m"], json.loads(about["template_changes"])
     if not isinstance(changes, list) or len(changes) != 4:
         raise ValueError("its template_changes are no four numbers")

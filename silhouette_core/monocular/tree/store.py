@@ -20,7 +20,7 @@ from safetensors.numpy import save_file
 
 from calib.errors import InputError
 from calib.storage.atomic import replacing
-from silhouette_core.body.body_arrays import body_arrays, body_from_arrays
+from silhouette_core.body.body_arrays import body_arrays, body_from_arrays, with_prefix
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes, check_shape
 from silhouette_core.image.spans import Rectangle, Spans
@@ -148,7 +148,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         raise ValueError("made with a body that has other joints")
     levels = []
     for number, facts in enumerate(about["levels"]):
-        nodes = _group(arrays, f"level{number}.")
+        nodes = with_prefix(arrays, f"level{number}.")
         representative, parent = nodes["representative"], nodes["parent"]
         spans = Spans(nodes["rows"], nodes["starts"], nodes["ends"], nodes["offsets"])
         if len(spans) != len(representative):
@@ -162,7 +162,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         raise ValueError("its clips are no names")
     made_with = LibrarySettings(**settings)
     check_library_settings(made_with)
-    learned = _group(arrays, "proposal.")
+    learned = with_prefix(arrays, "proposal.")
     return PoseLibrary(
         model=model,
         settings=made_with,
@@ -176,7 +176,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
         ),
         levels=tuple(levels),
         bounds_px=Rectangle(int(edge) for edge in about["bounds_px"]),
-        neighbours=_group(arrays, "neighbours."),
+        neighbours=with_prefix(arrays, "neighbours."),
         proposal=PoseProposal.from_arrays(learned) if learned else None,
         **{name: arrays[name] for name in _PLAIN},
     )
@@ -185,7 +185,7 @@ def _library(arrays: dict[str, NDArray], about: dict) -> PoseLibrary:
 def _body(arrays: dict[str, NDArray], about: dict) -> BodyModel:
     """The body: as given, or made from a person's measurements."""
     if "tree" in about:
-        return body_from_arrays(_group(arrays, _BODY), about["tree"])
+        return body_from_arrays(with_prefix(arrays, _BODY), about["tree"])
     check_shape(arrays["body_shape"])
     return BodyModel.from_sizes(BodySizes(**about["sizes"])).reshaped(arrays["body_shape"])
 
@@ -203,15 +203,6 @@ def _reason(error: Exception) -> str:
     text = " ".join(str(error).split())
     text = f"no entry {text}" if isinstance(error, KeyError) else text
     return text if len(text) <= 300 else f"{text[:300]}..."
-
-
-def _group(arrays: dict[str, NDArray], prefix: str) -> dict[str, NDArray]:
-    """Arrays whose names begin with a prefix, by the rest of their names."""
-    return {
-        name.removeprefix(prefix): array
-        for name, array in arrays.items()
-        if name.startswith(prefix)
-    }
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray], dict]:

@@ -143,12 +143,8 @@ def sample_grid(
         if of_limb or len(joint) != 3 or not np.allclose(axes_of @ axes_of.T, np.eye(3), atol=1e-6):
             continue
         # A twist of the bone above, which stays where it points: turned about itself first.
-        swings = Rotation.from_rotvec(np.repeat(angles_rad[:, joint] @ axes_of, len(mesh), axis=0))
-        twists = np.tile(
-            (mesh[:, k] - middle[k])[:, None] * tree.dof_axis[column], (len(swings) // len(mesh), 1)
-        )
-        turned = (swings * Rotation.from_rotvec(twists)).as_rotvec() @ axes_of.T
-        samples[..., joint] = turned.reshape(*samples.shape[:2], 3)
+        twists, bone = mesh[:, k] - middle[k], tree.dof_axis[column]
+        samples[..., joint] = _twisted(angles_rad[:, joint], axes_of, twists, bone)
     return samples
 
 
@@ -175,16 +171,22 @@ def sample_hinge(
     reach = np.radians(100)
     twists = _ticks((-reach, reach), 2 * step_rad)
     bends = _ticks(tree.dof_limits_rad[hinge], step_rad)
-    swings = Rotation.from_rotvec(np.repeat(angles_rad[:, above] @ axes, len(twists), axis=0))
-    turned = (
-        swings * Rotation.from_rotvec(np.tile(twists[:, None] * bone, (len(angles_rad), 1)))
-    ).as_rotvec() @ axes.T
+    turned = _twisted(angles_rad[:, above], axes, twists, bone)
     samples = np.repeat(angles_rad[:, None], len(twists) * len(bends), axis=1)
-    samples[..., above] = np.repeat(
-        turned.reshape(len(angles_rad), len(twists), 3), len(bends), axis=1
-    )
+    samples[..., above] = np.repeat(turned, len(bends), axis=1)
     samples[..., hinge] = np.tile(bends, len(twists))
     return samples
+
+
+def _twisted(
+    angles_rad: np.ndarray, axes: np.ndarray, twists_rad: np.ndarray, bone: np.ndarray
+) -> np.ndarray:
+    """Angles (M, K, 3) of a bone about orthonormal axes (3, 3), from M placements of it (M, 3),
+    after each of K twists (K,) about the bone (3,) at rest.
+    """
+    swings = Rotation.from_rotvec(np.repeat(angles_rad @ axes, len(twists_rad), axis=0))
+    twists = Rotation.from_rotvec(np.tile(twists_rad[:, None] * bone, (len(angles_rad), 1)))
+    return ((swings * twists).as_rotvec() @ axes.T).reshape(len(angles_rad), -1, 3)
 
 
 def within_limits(angles_rad: np.ndarray, tree: KinematicTree = HUMAN) -> np.ndarray:
