@@ -13,10 +13,15 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.image.distance import distances_to, relative_depths
 from silhouette_core.image.spans import Rectangle, Spans
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
-from silhouette_core.monocular.tree.rendering import RenderedViews, pose_surfaces, render_views
+from silhouette_core.monocular.tree.rendering import (
+    RenderedViews,
+    pose_surfaces,
+    render_views,
+    view_rotations,
+)
 from silhouette_core.monocular.tuning import TREE
 from silhouette_core.monocular.window import SIZE
-from silhouette_core.motion.kinematics import quaternions, rotation_matrices
+from silhouette_core.motion.kinematics import quaternions
 
 
 def nwxor_weights(mask: BoolArray, bounds_px: Rectangle) -> Float32Array:
@@ -207,9 +212,8 @@ class PoseLibrary:
             Orientations of the pelvis (n, 4) w x y z, with the view's yaw, and joint angles (n, D).
         """
         base = self.sample_base[samples]
-        yaw = self.views[self.sample_view[samples], 0] / 2
-        turn = np.stack([np.cos(yaw), 0 * yaw, 0 * yaw, np.sin(yaw)], -1)
-        matrices = rotation_matrices(turn) @ rotation_matrices(self.bases.quaternion[base])
+        views = self.views[self.sample_view[samples]]
+        matrices = view_rotations(self.bases.quaternion[base], views)
         return quaternions(matrices), self.bases.angles[base].astype(np.float64)
 
     def render(self, samples: IndexArray) -> RenderedViews:

@@ -81,6 +81,13 @@ def pose_surfaces(model: BodyModel, quaternions: RealArray, angles_rad: RealArra
     return surfaces
 
 
+def view_rotations(quaternions: RealArray, views: RealArray) -> FloatArray:
+    """Orientations of the pelvis (n, 3, 3) without heading (n, 4), turned by the views' yaw."""
+    half = np.asarray(views, float)[:, 0] / 2
+    yaw = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1)
+    return kinematics.rotation_matrices(yaw) @ kinematics.rotation_matrices(quaternions)
+
+
 def render_views(
     model: BodyModel, surfaces: Float32Array, which: IndexArray, views: RealArray
 ) -> RenderedViews:

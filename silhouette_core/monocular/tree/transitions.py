@@ -17,9 +17,9 @@ from scipy.sparse import csr_matrix
 
 from calib.checks import BoolArray, Float32Array, FloatArray, IntArray, RealArray
 from silhouette_core.monocular.tree.kernels import near_poses as kernels
+from silhouette_core.monocular.tree.rendering import view_rotations
 from silhouette_core.monocular.tuning import MOTION_MODEL
 from silhouette_core.motion.dynamics import FPS
-from silhouette_core.motion.kinematics import rotation_matrices
 from silhouette_core.progress import Reporter, SilentReporter
 
 if TYPE_CHECKING:
@@ -135,9 +135,7 @@ def view_orientations(quaternions: RealArray, views: RealArray) -> FloatArray:
         (n, 9) float64, rotation matrices, turned by the yaw, over the square root of 2; the
         distance of two is about the angle between the orientations in radians if it is small.
     """
-    half = np.asarray(views, float)[:, 0] / 2
-    yaw = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1)
-    return (rotation_matrices(yaw) @ rotation_matrices(quaternions)).reshape(-1, 9) / np.sqrt(2)
+    return view_rotations(quaternions, views).reshape(-1, 9) / np.sqrt(2)
 
 
 def step_precisions(library: PoseLibrary, occluded: BoolArray) -> tuple[FloatArray, FloatArray]:
