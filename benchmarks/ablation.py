@@ -139,7 +139,7 @@ def near_positions(kind: str, rng: np.random.Generator) -> dict[str, NDArray[np.
     keys = np.concatenate([STANDING[None], pose + rng.normal(0, moved, (5, len(pose)))])
     times_s = np.array([0.0, *(1.0 + 0.4 * np.arange(5))])
     model = BodyModel.from_sizes(BodySizes(1.75))
-    motion = perform(Movement(times_s, keys, (0.0, 0.0)), model, 30.0)
+    motion = perform(Movement(times_s, keys, (0.0, 0.0)), model)
     joints = forward(model, motion.root_m, motion.root_quaternion, motion.angles_rad)[1]
     joints = np.concatenate([joints[:1], joints[30:]])
     return {name: joints[:, model.names.index(part)] for name, part in _NAMES.items()}

@@ -19,6 +19,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.estimator import FrameSource
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from silhouette_core.monocular.person import find_person
+from silhouette_core.monocular.person_finder import LONG_SIDE_PX
 from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import BasePoses, LibrarySettings, PoseLibrary
@@ -60,7 +61,7 @@ SomeSilhouettes = tuple[Camera, list[BoolArray]]
 
 
 def some_silhouettes(
-    source: FrameSource, silhouettes: Silhouettes, camera: Camera, long_side_px: int
+    source: FrameSource, silhouettes: Silhouettes, camera: Camera
 ) -> SomeSilhouettes:
     """Silhouettes of a few moments of a recording. Raises InputError where none of the frames shows
     a body.
@@ -69,7 +70,7 @@ def some_silhouettes(
         source: the recording, of one camera.
         camera: the same camera with z up.
     """
-    lens, name = UndistortedView.from_camera(camera, long_side_px), source.rig.names[0]
+    lens, name = UndistortedView.from_camera(camera, LONG_SIDE_PX), source.rig.names[0]
     steps = even_moments(source.frame_count, _MOMENTS).tolist()
     bodies = [
         find_person(lens.undistort(silhouettes.of(one, step=step)[name]))

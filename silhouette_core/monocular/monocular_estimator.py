@@ -96,7 +96,7 @@ class MonocularEstimator:
             else library_of_body(
                 known,
                 options.library,
-                some_silhouettes(source, silhouettes, camera, LONG_SIDE_PX),
+                some_silhouettes(source, silhouettes, camera),
                 load_backend(settings.backend),
                 reporter,
             )

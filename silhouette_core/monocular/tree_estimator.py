@@ -87,7 +87,7 @@ class TreeEstimator:
         silhouettes = Silhouettes(source, settings.background, LONG_SIDE_PX)
         silhouettes.note(reporter)
         check_person(source, silhouettes, True)
-        pinhole, masks = some_silhouettes(source, silhouettes, camera, LONG_SIDE_PX)
+        pinhole, masks = some_silhouettes(source, silhouettes, camera)
         pitches = [look_at(pinhole, mask, 1.0, STATURE_PX).pitch_rad for mask in masks]
         library = library_of(float(np.median(pitches)), settings, options, reporter)
         clock, hypotheses = StageClock(), HypothesisStore(frame)

@@ -19,7 +19,7 @@ _DOWN = -_Z
 
 
 def keypose_motions(
-    model: BodyModel, fps: float = FPS, variants: int = _VARIANTS, seed: int = _SEED
+    model: BodyModel, variants: int = _VARIANTS, seed: int = _SEED
 ) -> dict[str, Motion]:
     """Motions of the project's own movements, each as written and with variations.
 
@@ -31,21 +31,19 @@ def keypose_motions(
     """
     rng = np.random.default_rng(seed)
     return {
-        f"{name} {variant + 1}": perform(
-            _varied(movement, rng) if variant else movement, model, fps
-        )
+        f"{name} {variant + 1}": perform(_varied(movement, rng) if variant else movement, model)
         for name, movement in movements().items()
         for variant in range(variants)
     }
 
 
-def perform(movement: Movement, model: BodyModel, fps: float = FPS) -> Motion:
+def perform(movement: Movement, model: BodyModel) -> Motion:
     """Motion of one movement, with the lower foot on the floor throughout.
 
     Args:
         movement: key poses, joined by monotone cubic curves.
     """
-    times = np.arange(0, movement.times_s[-1] + 1e-9, 1 / fps)
+    times = np.arange(0, movement.times_s[-1] + 1e-9, 1 / FPS)
     curves = dict(
         zip(
             COLUMNS,
@@ -57,10 +55,10 @@ def perform(movement: Movement, model: BodyModel, fps: float = FPS) -> Motion:
     root = facing * _turns(x=curves["tip"])
     angles = _targets(curves, model, facing, root).angles(root.as_matrix())
     ahead, left = movement.speed
-    root_m = np.cumsum(facing.apply((left, -ahead, 0)) / fps, axis=0)
+    root_m = np.cumsum(facing.apply((left, -ahead, 0)) / FPS, axis=0)
     quaternion = kinematics.quaternions(root.as_matrix())
     root_m[:, 2] = -lowest_foot(model, quaternion, angles)
-    return Motion(fps, model, root_m, quaternion, angles)
+    return Motion(FPS, model, root_m, quaternion, angles)
 
 
 def _varied(movement: Movement, rng: np.random.Generator) -> Movement:

@@ -190,8 +190,8 @@ def cost_terms(
         "stature": _stature(metres, evidence),
         "hull": 0.0 if candidate.posture == "sitting" else _hull(metres, evidence),
         "girth": _girth(candidate),
-        "posture": _chosen(PERSON_COST.unusual, candidate.posture == "sitting"),
-        "objects": _chosen(PERSON_COST.unusual, candidate.objects),
+        "posture": _unusual(candidate.posture == "sitting"),
+        "objects": _unusual(candidate.objects),
     }
 
 
@@ -247,5 +247,5 @@ def _girth(candidate: Candidate) -> float:
     return 0.5 * ((candidate.girth / usual_m - 1) * mean_m / sigma_m) ** 2
 
 
-def _chosen(probability: float, chosen: bool) -> float:
-    return -float(np.log(probability if chosen else 1 - probability))
+def _unusual(chosen: bool) -> float:
+    return -float(np.log(PERSON_COST.unusual if chosen else 1 - PERSON_COST.unusual))
