@@ -40,25 +40,6 @@ def measure_outside(points, intrinsics, rotation, translation, outside, gap, dir
     direction[off] = (gradient @ rotation)[off]
 
 
-def pose_surface(
-    rest,
-    rest_normals,
-    joints,
-    skin_parts,
-    skin_weights,
-    part_rotation,
-    part_origin,
-    points,
-    normals,
-):
-    """Points sum_k w_k (R_k (v - J_k) + o_k), normals along sum_k w_k R_k n."""
-    points[:] = np.einsum(
-        "vk,vki->vi", skin_weights, _placed(rest, joints, skin_parts, part_rotation, part_origin)
-    )
-    turned = np.einsum("vk,vkij,vj->vi", skin_weights, part_rotation[skin_parts], rest_normals)
-    normals[:] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
-
-
 def pose_surfaces(
     rest,
     rest_normals,
@@ -70,10 +51,12 @@ def pose_surfaces(
     points,
     normals,
 ):
-    """The same for every pose."""
-    body = rest, rest_normals, joints, skin_parts, skin_weights
-    for k in range(len(points)):
-        pose_surface(*body, part_rotation[k], part_origin[k], points[k], normals[k])
+    """Points sum_k w_k (R_k (v - J_k) + o_k), normals along sum_k w_k R_k n, in every pose."""
+    for pose, (turns, origins) in enumerate(zip(part_rotation, part_origin, strict=True)):
+        placed = _placed(rest, joints, skin_parts, turns, origins)
+        points[pose] = np.einsum("vk,vki->vi", skin_weights, placed)
+        turned = np.einsum("vk,vkij,vj->vi", skin_weights, turns[skin_parts], rest_normals)
+        normals[pose] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
 def fill_jacobian(
