@@ -30,7 +30,8 @@ from silhouette_core.tuning import BACKGROUND
 Method = Literal["refined", "paper"]
 """Okada and Stenger's section 5.1 as written, without any clean-up, or `image.foreground`."""
 Odds = Sequence[Float32Array]
-Region, Evidence = np.ndarray | None, Float32Array | None  #: See `BackgroundModel.silhouette`.
+Region = np.ndarray | None  #: See `BackgroundModel.silhouette`.
+Evidence = Float32Array | None  #: See there.
 _SHADOW_STEP = 5  # every so many-th sample tells how dark shadows are
 _PRIOR_FRAMES = 10  # weight of the assumed noise, in frames, against the measured one
 
