@@ -23,7 +23,7 @@ export function placesPanel(app, kind) {
   polygons.forEach((polygon, index) => {
     const chosen = app.chosen?.kind === kind && app.chosen.index === index;
     list.append(make("li", { class: chosen ? "chosen" : "" },
-      make("span", { onclick: () => app.set({ chosen: { kind, index } }) }, `Polygon ${index + 1}`),
+      button(`Polygon ${index + 1}`, () => app.set({ chosen: { kind, index } }), { class: "link" }),
       make("small", {}, `${polygon.length} corners`),
       button("Delete", () => app.removePolygon(kind, camera, index), { class: "small" })));
   });
@@ -61,7 +61,7 @@ function summary(app, kind) {
       ? camera.painted_region && app.store.doc.regions[name].painted : camera.painted_unknown;
     const words = [count && `${count} polygon${count > 1 ? "s" : ""}`, painted && "painted"];
     list.append(make("li", {},
-      make("span", { onclick: () => app.enlarge(name) }, name),
+      button(name, () => app.enlarge(name), { class: "link" }),
       make("small", {}, words.filter(Boolean).join(", ") || "–")));
   }
   return list;
@@ -83,7 +83,7 @@ export function pointsPanel(app) {
     const errors = Object.values(app.errors[point.name]?.pixels || {}).map((each) => each.error_px);
     const worst = Math.max(...errors.filter(Number.isFinite));
     list.append(make("li", { class: point.name === app.point ? "chosen" : "" },
-      make("span", { onclick: () => app.choosePoint(point.name) }, point.name),
+      button(point.name, () => app.choosePoint(point.name), { class: "link" }),
       make("small", { class: worst > 3 ? "bad" : "" },
         `${clicks ? `${clicks} ×` : "no click"}${worst >= 0 ? ` · ${rounded(worst, 1)} px` : ""}`)));
   }
@@ -139,9 +139,9 @@ function pixelTable(app, point) {
     const pixel = point.pixels[name];
     const error = app.errors[point.name]?.pixels[name]?.error_px;
     return tableRow([
-      name, pixel ? `${rounded(pixel[0], 1)}, ${rounded(pixel[1], 1)}` : "–",
+      make("td", {}, button(name, () => app.enlarge(name), { class: "link" })), pixel ? `${rounded(pixel[0], 1)}, ${rounded(pixel[1], 1)}` : "–",
       make("td", { class: error > 3 ? "bad" : "" }, error === undefined ? "" : `${rounded(error, 2)} px`),
-    ], { class: "link", onclick: () => app.enlarge(name) });
+    ]);
   });
   return table(["camera", "click, px", "off by"], rows);
 }
