@@ -108,11 +108,14 @@ def _calibrations(folder: Path) -> list[str]:
         f"{path.name} is not read by this name: if it is the calibration, name it"
         f" calibration{path.suffix.lower()}"
         for path in visible_entries(folder)
-        if path.suffix.lower() in CALIBRATION_SUFFIXES
-        and path.name not in _OURS
-        and path.stem != "calibration"
-        and _TELLING.search(path.name)
+        if path.stem != "calibration" and looks_like_calibration(path.name)
     ]
+
+
+def looks_like_calibration(name: str) -> bool:
+    """Whether a file may be the calibration by its name."""
+    known = Path(name).suffix.lower() in CALIBRATION_SUFFIXES and name not in _OURS
+    return known and _TELLING.search(name) is not None
 
 
 def renaming(paths: Mapping[str, Path], names: Sequence[str]) -> str:

@@ -100,10 +100,14 @@ def open_camera(path: Path) -> FrameReader:
 
 
 def chapters_in(folder: Path) -> list[Path]:
-    """The files in a folder whose videos are named as a camera names those of one film; none where
+    """The chapters among the files of a folder."""
+    return chapters_among(visible_entries(folder))
+
+
+def chapters_among(entries: Sequence[Path]) -> list[Path]:
+    """The videos of a folder, if they are named as a camera names those of one film; none where
     they are not, or where there are images.
     """
-    entries = visible_entries(folder)
     videos = [path for path in entries if path.suffix.lower() in VIDEOS]
     stems = {path.stem for path in videos}  # a camera may put a picture beside each
     stills = any(p.suffix.lower() in STILLS and p.stem not in stems for p in entries)

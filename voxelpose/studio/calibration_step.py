@@ -9,7 +9,6 @@ from calib.errors import InputError
 from calib.points import read_points
 from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json
 from voxelpose.recording.camera_files import pictures_by_camera
-from voxelpose.recording.chapters import open_camera
 from voxelpose.recording.folder import calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.recording.timestamps import TIMESTAMPS
@@ -20,8 +19,7 @@ from voxelpose.studio.command_forms import filled_in, form_of
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.studio_jobs import calibrate
 from voxelpose.studio.uploads import project_files
-from voxelpose.view.images.canvas import encoded, reduced
-from voxelpose.view.serving.page_answers import Name, check_camera_names
+from voxelpose.view.serving.page_answers import Name
 from voxelpose.view.serving.page_job import PageJob
 
 SHEET = "board.pdf"
@@ -42,7 +40,6 @@ _KINDS = {
     ("sync", "boards"): "board synchronisation",
     ("sync", "take"): "synchronisation",
 }
-_LONG_SIDE_PX = 480
 
 
 class CalibrationAsked(Struct, forbid_unknown_fields=True):
@@ -134,15 +131,6 @@ class CalibrationStep:
         if name != "sync":
             board = {key: asked.settings[key] for key in _OF_BOARD if key in asked.settings}
             self._keep_board(project, board)
-
-    def still(self, project: str, place: str, camera: str) -> bytes:
-        """A picture of the board, as JPEG. InputError where there is none."""
-        inside = _WALK if place == _WALK else _STILLS
-        folder = self._folder.project(project) / inside
-        known = pictures_by_camera(folder, stills=place == _WALK)
-        check_camera_names([camera], known)
-        picture = next(iter(open_camera(known[camera])))
-        return encoded(reduced(picture, _LONG_SIDE_PX / max(picture.shape)), ".jpg", 80)
 
     def _files(self, project: Path, asked: CalibrationAsked) -> dict[str, Any]:
         """The files that a calibration reads and writes. InputError where one is not there yet."""

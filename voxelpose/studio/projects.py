@@ -23,11 +23,11 @@ from voxelpose.results import (
     people_folders,
 )
 
-SINGLE_FILES = "subject.toml", "timestamps.csv"
+SINGLE_FILES = "subject.toml", "timestamps.csv", "recording.toml", "points.csv", "lenses.toml"
 # All that a new project may hold.
 _UNFINISHED = {
-    *("background", "boards", "board_walk", "board.pdf", "points.csv", "voxelpose.toml"),
-    *("lenses.toml", "lenses_coverage.png", "lenses_lenses.json", *SINGLE_FILES),
+    *("background", "boards", "board_walk", "board.pdf", "voxelpose.toml"),
+    *("lenses_coverage.png", "lenses_lenses.json", *SINGLE_FILES),
 }
 _LONGEST = 80
 _FORBIDDEN = re.compile(r'[\t\n/\\:*?"<>|]|^[.\s-]|[.\s]$')

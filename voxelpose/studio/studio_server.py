@@ -13,7 +13,7 @@ from voxelpose.report.page import REPORT
 from voxelpose.setup_page.page_requests import LARGEST_BODY
 from voxelpose.studio.calibration_step import RIG_PICTURE, SHEET
 from voxelpose.studio.studio_jobs import EXPORTED
-from voxelpose.studio.studio_session import FileAsked, StudioSession
+from voxelpose.studio.studio_session import FileSent, StudioSession
 from voxelpose.studio.uploads import LARGEST_UPLOAD, receive
 from voxelpose.view.serving.gate import (
     PAGE_HEADERS,
@@ -57,7 +57,7 @@ class StudioServer(GatedServer):
                 "api/cameras": session.recording.state,
                 "events": lambda: event_stream(self._statuses(), _LOOK_MS),
                 "preview": self._preview,
-                "still": session.calibration.still,
+                "still": session.picture,
                 "rig": lambda project: (session.folder.project(project) / RIG_PICTURE).read_bytes(),
                 "sheet": session.sheet,
                 "sheet/board": self._board,
@@ -71,7 +71,7 @@ class StudioServer(GatedServer):
                 "api/delete": session.delete,
                 "api/put_back": session.changes.put_back,
                 "api/empty": session.changes.empty,
-                "api/accepts": session.check_file,
+                "api/plan": session.plan,
                 "api/remove": session.remove,
                 "api/calibration": session.take_calibration,
                 "api/fit": session.start_fit,
@@ -106,11 +106,11 @@ class StudioServer(GatedServer):
     async def _upload(self, request: GateRequest) -> Reply:
         try:
             query = dict(request.query)
-            asked = msgspec.convert(query | {"bytes": request.body_bytes}, FileAsked)
+            asked = msgspec.convert(query | {"bytes": request.body_bytes}, FileSent)
         except msgspec.ValidationError as error:
             raise not_understood(error) from None
-        target = await asyncio.to_thread(self._session.target, asked)
-        await receive(request.reader, asked.bytes, target, asked.name)
+        target, present = await asyncio.to_thread(self._session.target, asked)
+        await receive(request.reader, asked.bytes, target, present)
         return page_reply({"written": target.name})
 
     async def _view(self, request: GateRequest, parts: int) -> Reply:

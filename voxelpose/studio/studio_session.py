@@ -1,7 +1,7 @@
 """What the studio's page shows of its folder, and what it has done there."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,12 +22,20 @@ from voxelpose.setup_page.page_requests import Typed
 from voxelpose.setup_page.setup_session import SetupSession
 from voxelpose.studio.calibration_step import CalibrationStep
 from voxelpose.studio.command_forms import errors_at_fields, export_formats, filled_in, form_of
+from voxelpose.studio.file_places import Chosen, takes_among
 from voxelpose.studio.live_step import LiveStep
 from voxelpose.studio.project_changes import ProjectChanges
-from voxelpose.studio.projects import StudioFolder
+from voxelpose.studio.projects import StudioFolder, check_plain_name
 from voxelpose.studio.record_step import JobWord, RecordStep
 from voxelpose.studio.studio_jobs import estimate, export
-from voxelpose.studio.uploads import Place, project_files, remove_file, target_of
+from voxelpose.studio.uploads import (
+    check_size,
+    conflicts_of,
+    picture_of,
+    present_at,
+    project_files,
+    remove_file,
+)
 from voxelpose.view.images.canvas import encoded
 from voxelpose.view.serving.page_answers import Name
 from voxelpose.view.serving.page_job import PageJob
@@ -36,16 +44,31 @@ from voxelpose.view.viewer.result_scenes import ResultScenes
 
 Command = Literal["fit", "track"]
 _MOST_VIEWERS = 4
+Bytes = Annotated[int, Meta(ge=0, le=2**50)]
+_MOST_FILES = 200_000
 
 
-class FileAsked(Struct, forbid_unknown_fields=True):
-    """A file that is to be sent, or removed."""
+class FilesChosen(Struct, forbid_unknown_fields=True):
+    """Files that somebody would like to send: path in the folder that was chosen, bytes, and time
+    of modification, s since 1970.
+    """
+
+    files: Annotated[
+        list[tuple[Annotated[str, Meta(max_length=1000)], Bytes, float]],
+        Meta(min_length=1, max_length=_MOST_FILES),
+    ]
+    project: Annotated[str, Meta(max_length=200)] = ""  # "": a new one
+    chosen: Chosen = ""
+    camera: Annotated[str, Meta(max_length=200)] = ""  # of pictures without a folder
+
+
+class FileSent(Struct, forbid_unknown_fields=True):
+    """A file that is sent, and where it belongs in its project."""
 
     project: Name
-    name: Name
-    place: Place = "video"
-    camera: Annotated[str, Meta(max_length=200)] = ""  # of a picture; "": it is named as the file
-    bytes: Annotated[int, Meta(ge=0, le=2**50)] = 0
+    path: Name
+    bytes: Bytes
+    replace: Literal["", "1"] = ""
 
 
 class FitAsked(Struct, forbid_unknown_fields=True):
@@ -155,21 +178,54 @@ class StudioSession:
             "command": "fit" if len(names) > 1 else "track",
         }
 
-    def target(self, asked: FileAsked) -> Path:
-        """Where a file that is to be sent belongs. InputError where it cannot be taken now."""
+    def plan(self, asked: FilesChosen) -> dict[str, Any]:
+        """Where files belong: `takes`, each with its `project`, whether that is `new`, its `files`
+        (number, path in the project, whether that replaces another) and `conflicts`; and lines on
+        what belongs nowhere. InputError where that cannot be taken now.
+        """
+        if asked.project:
+            self.folder.project(asked.project)
+            self._check_idle(asked.project)
+        takes, lines = takes_among([path for path, *_ in asked.files], asked.chosen, asked.camera)
+        plans, taken = [], {path.name.casefold() for path in self.folder.root.iterdir()}
+        for take in takes:
+            name, coming = asked.project, 0
+            if is_new := not name or (len(takes) > 1 and take.name != ""):
+                name = _free_name(take.name or "recording", taken)
+                taken.add(name.casefold())
+            for path, number in [*take.files.items()]:
+                try:
+                    check_size(self.folder.root, path, asked.files[number][1], coming)
+                    coming += asked.files[number][1]
+                except InputError as error:
+                    lines.append(str(error))
+                    del take.files[path]
+            conflicts, replaced = conflicts_of(self.folder.root / name, take, asked.files)
+            files = [(number, path, path in replaced) for path, number in take.files.items()]
+            plans.append({"project": name, "new": is_new, "files": files, "conflicts": conflicts})
+        return {"takes": plans, "refused": lines}
+
+    def target(self, asked: FileSent) -> tuple[Path, Path | None]:
+        """Where a file that is to be sent belongs, and what is there in its place. InputError where
+        it cannot be taken now, or nobody was asked whether to replace that.
+        """
         project = self.folder.project(asked.project)
         self._check_idle(asked.project)
-        return target_of(project, asked.place, asked.name, asked.bytes, asked.camera)
+        check_size(project, asked.path, asked.bytes)
+        present = present_at(project, asked.path)
+        if present is not None and not asked.replace:
+            raise InputError(f"{present.name} is there: add {asked.path} again, or remove it first")
+        return project / asked.path, present
 
-    def check_file(self, asked: FileAsked) -> None:
-        """Checks that a file can be sent. InputError where it cannot be taken now."""
-        self.target(asked)
-
-    def remove(self, asked: FileAsked) -> None:
+    def remove(self, project: Name, name: Name) -> None:
         """Removes a file of a project. InputError where that cannot be."""
-        project = self.folder.project(asked.project)
-        self._check_idle(asked.project)
-        remove_file(project, asked.name)
+        folder = self.folder.project(project)
+        self._check_idle(project)
+        remove_file(folder, name)
+
+    def picture(self, project: str, name: str) -> bytes:
+        """A picture of a project's file, as JPEG. InputError where there is none."""
+        return picture_of(self.folder.project(project), name)
 
     def take_calibration(self, project: Name, of: Name) -> None:
         """Copies the calibration of another project, whose cameras have not been moved since.
@@ -279,6 +335,13 @@ class StudioSession:
     def open_viewer(self, name: str) -> None:
         """Opens the viewer of a result. InputError where it cannot be read."""
         self.viewers.open(name, self.folder.result(name))
+
+
+def _free_name(stem: str, taken: Collection[str]) -> str:
+    """A folder's name, with a number where it is taken. InputError where it cannot be one."""
+    check_plain_name(stem)
+    names = (stem, *(f"{stem}_{number}" for number in range(2, len(taken) + 3)))
+    return next(name for name in names if name.casefold() not in taken)
 
 
 def _unstated(values: Mapping[str, FolderSetting]) -> dict[str, Any]:

@@ -30,10 +30,16 @@ def opened_studio(root: Path, token: str | None = None) -> Iterator[StudioServer
             time.sleep(0.02)
 
 
-def send(server: StudioServer, place: str, name: str, content: bytes, **headers: str):
-    """Status and content of the answer to a file that is sent into the project walk."""
-    path = f"/upload?project=walk&place={place}&name={name}"
-    return ask(server, path, content, Content_Type="application/octet-stream", **headers)
+def send(server: StudioServer, path: str, content: bytes, **headers: str):
+    """Status and content of the answer to a file that is sent to a path in the project walk."""
+    asked = f"/upload?project=walk&path={path}"
+    return ask(server, asked, content, Content_Type="application/octet-stream", **headers)
+
+
+def plan(server: StudioServer, *paths: str, size: int = 9, project: str = "walk", **asked: str):
+    """Status and content of the answer to where files of these paths belong."""
+    files = [[path, size, 0] for path in paths]
+    return ask(server, "/api/plan", {"files": files, "project": project, **asked})
 
 
 def ended(server: StudioServer, seconds: float = 60.0) -> dict:

@@ -117,13 +117,13 @@ def test_a_setting_that_must_be_known_is_asked_for(walk):
 @pytest.mark.slow
 def test_from_sent_pictures_to_a_calibration_and_again(studio, walk, filmed, truth):
     for still in sorted((filmed / "stills").rglob("*.png")):
-        path = still.read_bytes()
-        assert send(studio, "boards", f"{still.name}&camera={still.parent.name}", path)[0] == 200
+        path = f"boards/{still.parent.name}/{still.name}"
+        assert send(studio, path, still.read_bytes())[0] == 200
     for film in sorted((filmed / "walk").iterdir()):
-        assert send(studio, "board_walk", film.name, film.read_bytes())[0] == 200
+        assert send(studio, f"board_walk/{film.name}", film.read_bytes())[0] == 200
     known = {file["name"]: file["pictures"] for file in state(studio)["files"]}
     assert known["boards/cam_1"] == 12 and known["board_walk/cam_1.avi"] is None
-    still = fetched(studio, "/still?project=walk&place=boards&camera=cam_1")
+    still = fetched(studio, "/still?project=walk&name=boards/cam_1")
     assert cv2.imdecode(np.frombuffer(still, np.uint8), 1).shape == (360, 480, 3)
     assert start(studio, "intrinsics", **LIKE_THIS)[0] == 200
     status, answer = start(studio, "sync")
@@ -177,8 +177,8 @@ def test_a_take_is_put_in_step_without_the_board_of_the_files(studio, walk, monk
 def test_real_pictures_of_a_board(studio, walk, shared):
     for number in (1, 3):
         for still in sorted((shared / "data" / "board_images" / f"cam_{number}").glob("*.jpg")):
-            name = f"{still.name}&camera=cam_{number}"
-            assert send(studio, "boards", name, still.read_bytes())[0] == 200
+            path = f"boards/cam_{number}/{still.name}"
+            assert send(studio, path, still.read_bytes())[0] == 200
     assert start(studio, "intrinsics", board="4x7", square=0.06)[0] == 200
     assert ended(studio, 120)["state"] == "done"
     lenses = state(studio)["lenses"]
@@ -202,12 +202,13 @@ def test_a_failure_is_told_where_it_can_be_mended(studio, walk, filmed, truth):
     assert status == 400 and "calibration.yml is there: remove it in Import" in answer["error"]
 
 
-@pytest.mark.parametrize("place", ["boards", "board_walk", "nowhere"])
-def test_no_picture_outside_is_shown(studio, walk, filmed, place):
+@pytest.mark.parametrize(
+    "name", ["boards/cam_0", "../boards/cam_0", "..", "", "boards/cam_0/0.png"]
+)
+def test_no_picture_outside_is_shown(studio, walk, filmed, name):
     away = walk.parent.parent / "away"
     shutil.copytree(filmed / "stills" / "cam_0", away)
     (walk / "boards").mkdir()
     (walk / "boards" / "cam_0").symlink_to(away)
-    for camera in ("cam_0", "../boards/cam_0", "..", ""):
-        status, answer = ask(studio, f"/still?project=walk&place={place}&camera={camera}")
-        assert status == 400 and answer["error"]
+    status, answer = ask(studio, f"/still?project=walk&name={name}")
+    assert status == 400 and answer["error"]

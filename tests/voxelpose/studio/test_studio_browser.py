@@ -3,6 +3,7 @@ of one's own, and with cameras and a board.
 """
 
 import re
+import shutil
 import zipfile
 from dataclasses import replace
 
@@ -61,9 +62,68 @@ def test_from_an_empty_folder_to_exported_motion(desk):
     assert is_result(root / "anna walk_fit")
 
 
+@pytest.mark.slow
+def test_a_folder_leads_to_the_first_picture_of_motion_in_six_clicks(desk):
+    """And what is dropped anywhere comes to its place, replaces nothing unasked, is two takes."""
+    root, day = desk / "root", desk / "day"
+    root.mkdir()
+    (root / "voxelpose.toml").write_text('[fit]\nestimator = "standing"\n')
+    files = write_staged(day / "walk", waving(4), ring(4, (320, 240)))
+    (files / "notes\u202etxt.mp4").write_text("no video")
+    with opened_studio(root) as server, new_page(390, 844) as (page, faults):
+        page.set_default_timeout(120_000)
+        page.goto(server.url)
+        clicks = ["Choose a folder", "the folder", "its upload"]  # two in the browser's own windows
+        page.locator("[data-folder='']").set_input_files(files)
+        page.locator("#read_line").get_by_text("4 cameras, 4 frames, ").wait_for()
+        page.locator("#uploads").get_by_text(r"notes\u202etxt.mp4").first.wait_for()
+        fits(page)
+        for name in ("#to_fit", "#start", "#next"):
+            page.locator(name).click()
+            clicks.append(name)
+        page.locator(".card img").wait_for()
+        assert len(clicks) <= 6
+        assert len([*(root / "walk" / "background").iterdir()]) == 4
+        shutil.copytree(files, day / "run")
+        ask_before_replacing(page, day / "run", root / "walk")
+        drop(page, day)
+        page.get_by_role("link", name="Open walk_2").wait_for()
+        for name in ("run", "walk_2"):
+            until(page, (root / name / "cam_4.mkv").exists, 120)
+        until(page, "document.querySelector('#uploads button').textContent === 'Close'", 120)
+        page.goto(f"{server.url}/check/walk/")
+        page.locator(".tile").nth(2).wait_for()
+        drop(page, files / "calibration.toml")
+        assert page.url.endswith("/check/walk/")
+        assert [fault for fault in faults if "/events" not in fault and "blob:" not in fault] == []
+
+
+def drop(page, path) -> None:
+    """Drops a file or folder of the disk in the middle of the page."""
+    link = page.context.new_cdp_session(page)
+    data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+    for kind in ("dragEnter", "dragOver", "drop"):
+        asked = {"type": kind, "x": 180, "y": 500, "data": data}
+        link.send("Input.dispatchDragEvent", asked)
+
+
+def ask_before_replacing(page, folder, project) -> None:
+    """A folder with files that are there already: both sides are shown, and may stay."""
+    (folder / "cam_1.mkv").write_bytes((folder / "cam_2.mkv").read_bytes())
+    before = (project / "cam_1.mkv").read_bytes()
+    for answer in ("Keep what is there", "Replace"):
+        assert (project / "cam_1.mkv").read_bytes() == before
+        drop(page, folder)
+        page.locator("dialog").get_by_text("walk has these already").wait_for()
+        until(page, "document.querySelector('dialog img').naturalWidth")
+        fits(page)
+        page.get_by_role("button", name=answer).click()
+    until(page, lambda: (project / "cam_1.mkv").read_bytes() != before, 120)
+
+
 def fits(page) -> None:
     """Nothing reaches beyond the page's width, and whatever can be clicked has the keys, too."""
-    assert page.evaluate("document.scrollingElement.scrollWidth") <= WIDTH
+    assert page.evaluate("document.scrollingElement.scrollWidth - innerWidth") <= 0
     assert page.evaluate(MOUSE_ALONE) == []
 
 

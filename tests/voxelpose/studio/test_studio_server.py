@@ -24,7 +24,7 @@ from voxelpose.view.serving.page_job import StepError
 
 TOKEN = "open sesame"
 POSTS = (
-    *("/api/new", "/api/accepts", "/api/remove", "/api/fit", "/api/export", "/api/board"),
+    *("/api/new", "/api/plan", "/api/remove", "/api/fit", "/api/export", "/api/board"),
     *("/api/calibrate", "/api/calibration", "/api/record", "/api/live", "/api/receivers"),
     *("/api/ask", "/api/stop", "/upload"),
 )
@@ -39,7 +39,7 @@ GETS = (
     "/api/cameras?project=walk",
     "/api/live?project=walk",
     "/preview?camera=cam_1",
-    "/still?project=walk&place=boards&camera=cam_1",
+    "/still?project=walk&name=boards/cam_1",
     "/rig?project=walk",
     "/sheet/board?project=walk",
     "/live/-/",

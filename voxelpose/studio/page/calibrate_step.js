@@ -4,9 +4,9 @@ import { getJson, postJson } from "./api.js";
 import { lensCards, offsetTable, rigFindings } from "./calibration_findings.js";
 import { errorAtField, field, grouped, isWrong, labelled } from "./form_fields.js";
 import { jobPanel } from "./job_panel.js";
-import { button, freeName, make, notice, refusal } from "./elements.js";
+import { button, freeName, make, notice } from "./elements.js";
 import { addressOf } from "./rail.js";
-import { dropTarget, fileList, picker, stemOf, STILLS, Uploads, VIDEOS } from "./uploads.js";
+import { dropTarget, fileList, picker, stemOf, STILLS, VIDEOS } from "./uploads.js";
 
 const OF_BOARD = ["board", "square", "marker", "dictionary"];
 // Jobs, each told in the part of the page that begins it.
@@ -14,11 +14,12 @@ const PARTS = { "lens calibration": "lenses", "position calibration": "positions
 
 export async function calibrateStep(studio, state, project) {
   const step = { studio, project, typed: { board: {}, look: {}, intrinsics: {}, extrinsics: {}, boards: {}, take: {} }, panel: make("div", { "aria-live": "polite" }) };
-  step.uploads = new Uploads(studio, project, () => drawFiles(step), () => renew(step));
+  step.renew = () => renew(step);
   step.known = await getJson(statePath(step));
   step.top = make("div");
   const holders = (step.holders = make("div", {}, sheetPart(step), lensPart(step), positionPart(step), timePart(step)));
   drawFiles(step);
+  studio.onFiles(() => drawFiles(step), step.renew);
   let before = null;
   studio.watch(async (job) => {
     const ended = before === "running" && job.state === "done";
@@ -133,7 +134,7 @@ function timePart(step) {
 }
 
 function drawFiles(step) {
-  const { known, uploads } = step;
+  const { known } = step;
   step.sheet.hidden = !known.sheet;
   const look = (names) => Object.entries(names).map(([name, title]) => {
     const made = field(known.forms.intrinsics.find((row) => row.name === name), step.typed.look, "look");
@@ -145,28 +146,26 @@ function drawFiles(step) {
   const of = (place) => known.files.filter((file) => file.place === place);
   const camera = make("input", { type: "text", id: "camera_name", class: "grow", value: step.camera ?? freeName("cam_", of("boards").map(stemOf)), "aria-label": "Camera of the pictures", maxLength: 80 });
   camera.addEventListener("change", () => (step.camera = camera.value.trim()));
+  const add = (place) => (files) => step.studio.uploads.take(files, step.project, place);
   const take = (files) => {
-    uploads.add("boards", files, camera.value.trim());
+    step.studio.uploads.take(files, step.project, "boards", camera.value.trim());
     step.camera = null;
   };
   step.boards.replaceChildren(
     ...lensCards(step, of("boards")),
     dropTarget(make("section", { class: "card" },
-      uploads.progress("boards"),
       make("div", { class: "row wrap" }, make("label", { htmlFor: "camera_name" }, "pictures of camera"), camera,
         picker("Choose pictures", take, { accept: STILLS, multiple: true, "data-place": "boards" })),
       make("div", { class: "row wrap" },
-        picker("Choose videos", (files) => uploads.add("boards", files), { accept: VIDEOS, multiple: true, "data-videos": "boards" }),
-        picker("Choose a folder of all cameras", (files) => uploads.addFolder("boards", files), { webkitdirectory: true, "data-folder": "boards" }),
-        make("small", { class: "note" }, "videos and folders are named as their camera"))), take),
-    ...uploads.refused.map(refusal));
-  const takeWalk = (files) => uploads.add("board_walk", files);
+        picker("Choose videos", add("boards"), { accept: VIDEOS, multiple: true, "data-videos": "boards" }),
+        picker("Choose a folder of all cameras", add("boards"), { webkitdirectory: true, "data-folder": "boards" }),
+        make("small", { class: "note" }, "videos and folders are named as their camera"))), take));
   step.walk.replaceChildren(dropTarget(make("section", { class: "card" },
-    fileList(step, of("board_walk")), uploads.progress("board_walk"),
+    fileList(step, of("board_walk")),
     known.in_step.boards && make("p", { class: "note" }, "timestamps.csv tells the time of every frame."),
     make("div", { class: "row wrap" },
-      picker("Choose videos", takeWalk, { accept: `${VIDEOS},${STILLS}`, multiple: true, "data-place": "board_walk" }),
-      picker("Choose a folder", (files) => uploads.addFolder("board_walk", files), { webkitdirectory: true, "data-folder": "board_walk" }))), takeWalk));
+      picker("Choose videos", add("board_walk"), { accept: `${VIDEOS},${STILLS}`, multiple: true, "data-place": "board_walk" }),
+      picker("Choose a folder", add("board_walk"), { webkitdirectory: true, "data-folder": "board_walk" }))), add("board_walk")));
   step.rig.replaceChildren(...rigFindings(step));
   step.times.replaceChildren(known.in_step.take ? make("p", { class: "note" }, "timestamps.csv tells the time of every frame; it is written anew.") : "");
   allowStarts(step);
@@ -174,6 +173,6 @@ function drawFiles(step) {
 
 // Nothing begins while files are still coming, which it would not see.
 function allowStarts(step) {
-  const waits = step.studio.job.state === "running" || step.uploads.waiting;
+  const waits = step.studio.job.state === "running" || step.studio.uploads.waiting;
   for (const start of step.holders.querySelectorAll("button[data-calibrate]")) start.disabled = waits;
 }

@@ -17,7 +17,7 @@ export function lensCards(step, files) {
 function card(step, name, file, lens) {
   const stage = make("div", { class: "coverage" });
   if (file) {
-    const query = new URLSearchParams({ project: step.project, place: "boards", camera: name });
+    const query = new URLSearchParams({ project: step.project, name: file.name });
     stage.append(make("img", { src: `still?${query}`, alt: `The board before ${name}`, loading: "lazy" }));
   }
   if (lens) stage.append(coverage(lens));

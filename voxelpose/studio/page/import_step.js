@@ -3,7 +3,7 @@
 import { getJson } from "./api.js";
 import { button, make, refusal } from "./elements.js";
 import { addressOf } from "./rail.js";
-import { dropTarget, fileList, picker, STILLS, Uploads, VIDEOS } from "./uploads.js";
+import { dropTarget, fileList, picker, STILLS, VIDEOS } from "./uploads.js";
 
 const PLACES = [
   ["video", "Camera videos", "One for each camera, named as in the calibration: cam_1.mp4, cam_2.mp4 …; or a folder of pictures for each.", VIDEOS, true],
@@ -16,26 +16,34 @@ const PLACES = [
 
 export async function importStep(studio, state, project) {
   const holder = make("div");
-  const step = { studio, project, holder, calibrated: state.projects.filter((one) => one.calibrated && one.name !== project).map((one) => one.name) };
-  step.uploads = new Uploads(studio, project, () => draw(step), () => renew(step));
+  const step = { studio, project, holder, renew: () => renew(step), calibrated: state.projects.filter((one) => one.calibrated && one.name !== project).map((one) => one.name) };
+  studio.onFiles(() => step.known && draw(step), step.renew);
   await renew(step);
-  return [make("h2", {}, "Import"), make("p", { class: "lead" }, "Choose the files, or drop them here. They are copied into the project's folder."), holder];
+  return [
+    make("h2", {}, "Import"),
+    make("p", { class: "lead" }, "Choose the recording's folder, or drop it anywhere on this page: each file is copied to its place. A folder of several recordings makes a project of each."),
+    make("div", { class: "row end" }, picker("Choose the folder", (files) => studio.uploads.take(files, project), { webkitdirectory: true, "data-folder": "" })),
+    holder,
+  ];
 }
 
 async function renew(step) {
-  step.known = await getJson(`api/project?project=${encodeURIComponent(step.project)}`);
+  const asked = (step.asked = getJson(`api/project?project=${encodeURIComponent(step.project)}`));
+  const known = await asked;
+  if (step.asked !== asked) return; // a later answer counts
+  step.known = known;
   draw(step);
 }
 
 function draw(step) {
-  const { known, project, uploads } = step;
+  const { known, project, studio } = step;
   const next = known.fault && !known.files.some((file) => file.place === "calibration") ? "calibrate" : "check";
   step.holder.replaceChildren(
     make("div", { class: "cards" }, ...PLACES.map((place) => card(step, ...place))),
-    ...uploads.refused.map(refusal),
     said(known),
     make("div", { class: "row end" },
-      make("a", { class: `button ${known.cameras.length && !uploads.waiting ? "main" : "quiet"}`, id: "next", href: addressOf(next, "./", project) }, next === "check" ? "Next: Check" : "Next: Calibrate")));
+      !known.fault && make("a", { class: "button quiet", id: "to_fit", href: addressOf("fit", "./", project) }, "Straight to Estimate"),
+      make("a", { class: `button ${known.cameras.length && !studio.uploads.waiting ? "main" : "quiet"}`, id: "next", href: addressOf(next, "./", project) }, next === "check" ? "Next: Check" : "Next: Calibrate")));
 }
 
 // What the program's own reader says.
@@ -52,16 +60,15 @@ function said({ cameras, fault, frames, fps, notes, command }) {
 }
 
 function card(step, place, title, hint, accept, pictures) {
-  const { uploads } = step;
   const files = step.known.files.filter((file) => file.place === place);
-  const take = (chosen) => uploads.add(place, chosen);
+  const take = (chosen) => step.studio.uploads.take(chosen, step.project, place);
   const words = pictures ? "Choose files" : "Choose a file";
   return dropTarget(make("section", { class: "card" },
-    make("h3", {}, title), make("p", {}, hint), fileList(step, files), uploads.progress(place),
+    make("h3", {}, title), make("p", {}, hint), fileList(step, files),
     make("div", { class: "row wrap" },
       picker(words, take, { accept, multiple: pictures, "data-place": place, "aria-label": `${words}: ${title}` }),
       place === "calibration" && !files.length && step.calibrated.length > 0 && fromProject(step),
-      pictures && picker("Choose a folder", (chosen) => uploads.addFolder(place, chosen), { webkitdirectory: true, "data-folder": place, "aria-label": `Choose a folder: ${title}` }))), take);
+      pictures && picker("Choose a folder", take, { webkitdirectory: true, "data-folder": place, "aria-label": `Choose a folder: ${title}` }))), take);
 }
 
 // The calibration of another project, if the cameras have not been moved since.

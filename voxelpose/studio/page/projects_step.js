@@ -3,6 +3,7 @@
 import { button, make } from "./elements.js";
 import { bin, date, entryActions } from "./entry_actions.js";
 import { addressOf } from "./rail.js";
+import { picker } from "./uploads.js";
 
 export const verdictTag = (result) => make("b", { class: `tag ${result.level}`, title: result.words }, result.level);
 
@@ -32,6 +33,7 @@ export async function projectsStep(studio, state) {
       make("a", { class: "button quiet", href: addressOf("import", "", project.name), "aria-label": `Open ${project.name}` }, "Open"),
       entryActions(studio, project.name));
   });
+  studio.onFiles(null, async () => studio.uploads.waiting || dispatchEvent(new Event("hashchange")));
   const others = state.results.filter((result) => !result.project);
   return [
     make("h2", {}, "Projects"),
@@ -41,7 +43,9 @@ export async function projectsStep(studio, state) {
     others.length > 0 && make("section", { class: "card" }, make("h3", {}, "Results of recordings elsewhere"), make("ul", {}, ...others.map(resultLine))),
     make("form", { class: "job", onsubmit: make_new },
       make("h3", {}, "New project"),
-      make("div", { class: "row wrap" }, name, button("Make it", () => {}, { class: "main", id: "make_new" }))),
+      make("div", { class: "row wrap" }, name, button("Make it", () => {}, { class: "main", id: "make_new" }),
+        picker("Choose a folder", (files) => studio.uploads.take(files, ""), { webkitdirectory: true, "data-folder": "" })),
+      make("p", { class: "note" }, "Type a name, or choose the folder of a recording, or drop it here. A folder of several recordings makes a project of each.")),
     bin(studio, state.bin),
   ].filter(Boolean);
 }

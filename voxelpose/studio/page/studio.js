@@ -11,6 +11,7 @@ import { liveStep } from "./live_step.js";
 import { projectsStep } from "./projects_step.js";
 import { addRail, STEPS } from "./rail.js";
 import { recordStep } from "./record_step.js";
+import { dropTarget, Uploads } from "./uploads.js";
 import { viewStep } from "./view_step.js";
 
 const VIEWS = { projects: projectsStep, record: recordStep, import: importStep, calibrate: calibrateStep, fit: fitStep, view: viewStep, export: exportStep, live: liveStep };
@@ -20,6 +21,8 @@ class Studio {
     this.job = { state: "idle" };
     this.watchers = [];
     this.shown = 0;
+    this.uploads = new Uploads(this);
+    dropTarget(document.documentElement, (files) => this.uploads.take(files, this.route.project));
     addEventListener("hashchange", () => this.show());
     onConnection((reachable) => notice(reachable ? ""
       : "The program has ended or cannot be reached: start `voxelpose studio` again, then load this page again."));
@@ -38,13 +41,14 @@ class Studio {
   }
 
   // The studio as a step sees it: `watch` calls with the job now, and whenever it changes while that
-  // step is shown.
+  // step is shown; `onFiles` is told when files are on their way, and when they have come.
   seenBy(watchers) {
     const seen = Object.create(this);
     seen.watch = (call) => {
       watchers.push(call);
       call(this.job);
     };
+    seen.onFiles = (draw, renew) => Object.assign(watchers, { draw, renew });
     return seen;
   }
 

@@ -30,8 +30,8 @@ buttons; the program's own pages are shown within each other."""
 PAGE_HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self';"
-        " img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-src 'self';"
-        " frame-ancestors 'self'"
+        " img-src 'self' data: blob:; media-src blob:; base-uri 'none'; form-action 'none';"
+        " frame-src 'self'; frame-ancestors 'self'"
     ),
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",

@@ -3,6 +3,9 @@
 let reachable = true;
 let told = () => {};
 
+// A file that is dropped where none is taken does not lead the browser away from the page.
+for (const kind of ["dragover", "drop"]) addEventListener(kind, (event) => event.dataTransfer.types.includes("Files") && event.preventDefault());
+
 // Calls whenever the program cannot be reached any more, or again.
 export const onConnection = (call) => (told = call);
 
