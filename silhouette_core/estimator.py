@@ -93,6 +93,15 @@ class FrameSource(Protocol):
 
 
 @dataclass(frozen=True)
+class Person:
+    """What is known of one of several people before the estimation."""
+
+    name: str = ""
+    stature_m: Stature | None = None  #: height, metres; None: estimated.
+    sex: Sex = "unknown"
+
+
+@dataclass(frozen=True)
 class Settings:
     """Settings of an estimation."""
 
@@ -114,6 +123,15 @@ class Settings:
     options: Mapping[str, bool | int | float | str] = field(default_factory=dict)
     """Settings of one estimator only, by name (`interference`, `voxel_size_m` of the multi-view
     one); see `read_options`."""
+
+    people: tuple[Person, ...] = ()
+    """What is known of several people, in the order of their numbers; of others nothing is."""
+
+    def of_person(self, number: int) -> Settings:
+        """The same of one of several people, counted from 0: with what is known of that one."""
+        told = self.people[number : number + 1]
+        person = told[0] if told else Person()
+        return replace(self.of_anybody, people=told, stature_m=person.stature_m, sex=person.sex)
 
     @property
     def of_anybody(self) -> Settings:

@@ -118,11 +118,11 @@ def fit_people(
                 estimates = [implementation.estimate(recording, settings, reporter)]
             else:
                 raise InputError(f"estimator {estimator!r} estimates one person, not {people}")
-        if len(estimates) > 1:
-            settings = settings.of_anybody
+        several = len(estimates) > 1
         estimations = [
-            _Estimation(recording, estimate, settings, estimator, started, inputs)
-            for estimate in estimates
+            _Estimation(recording, estimate, told, estimator, started, inputs)
+            for k, estimate in enumerate(estimates)
+            for told in [settings.of_person(k) if several else settings]
         ]
         if len(estimations) > 1:
             _write_people(folder, output, estimations, reporter)

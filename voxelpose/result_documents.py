@@ -59,6 +59,7 @@ def settings_document(
         document["label"] = recording.label
     given = asdict(settings)
     options, conditioning = given.pop("options"), given.pop("conditioning")
+    people = [{key: v for key, v in each.items() if v is not None} for each in given.pop("people")]
     if recording.silhouettes_given:
         given.pop("background")
     for name, value in given.items():
@@ -66,6 +67,8 @@ def settings_document(
             document[name] = value
     document["conditioning"] = {name: v for name, v in conditioning.items() if v is not None}
     document["options"] = dict(options)
+    if people:
+        document["people"] = people
     return document
 
 

@@ -11,10 +11,11 @@ from silhouette_core.estimator import Estimate, Settings
 from tests.clips import waving
 from tests.sources import ring, write_recording
 from voxelpose import fitting
+from voxelpose.cli import run
 from voxelpose.fitting import Output, fit, fit_people
-from voxelpose.multiview.people import number_of_people
+from voxelpose.multiview.people import number_of_people, people_told
 from voxelpose.recording.folder import Recording
-from voxelpose.results import Result, open_people
+from voxelpose.results import Result, names_of, open_people
 
 
 class Crowd:
@@ -58,6 +59,32 @@ def test_a_result_of_each_person_and_what_shows_them_all(recording, tmp_path):
     index = json.loads((out / "summary.json").read_text())
     assert [one["frames"]["with_pose"] for one in index["people"].values()] == [4, 3, 2]
     assert [one.folder for one in open_people(out)] == [one.folder for one in results]
+
+
+def test_what_is_known_of_each_is_used_and_kept_for_each(recording, tmp_path):
+    settings = Settings(1.5, people=people_told("Anna 1.68 female, Ben"))
+    results = fit_people(recording, Output(tmp_path / "out", pictures=False), settings)
+    known = [(one.settings.get("stature_m"), one.settings["sex"]) for one in results]
+    assert known == [(1.68, "female"), (None, "unknown"), (None, "unknown")]
+    assert names_of(results) == ["Anna", "Ben", "person_3"]
+    assert names_of([Result.open(tmp_path / "out" / "person_2")]) == ["Ben"]
+    assert run(["export", str(tmp_path / "out"), "--to", "html"]) == 0
+    page = (tmp_path / "out" / "motion.html").read_text(encoding="utf-8")
+    assert '"name":"Anna"' in page and '"name":"person_3"' in page
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Anna 168", "--persons Anna 168 = '168.0' must be a number from 0.5 to 2.6 metres"),
+        ("Anna 1.6 1.7, Ben", "--persons Anna 1.6 1.7 is not one person: give a name"),
+        ("1,2,1,2,1,2,1", "more than 6 people"),
+    ],
+)
+def test_who_cannot_be_is_refused(text, words):
+    with pytest.raises(InputError) as refused:
+        people_told(text)
+    assert words in str(refused.value)
 
 
 def test_one_person_is_a_result_as_ever(recording, tmp_path):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _MAX_SQUARE_M = 2
 GROUPS = {
     "basic": "recording folder out overwrite stature people frames camera source record",
-    "person": "chest body sex start outline_only",
+    "person": "chest body sex persons start outline_only",
     "camera": "cameras unit fps label up background network loop",
     "output": "smooth filter cutoff filter_order gap_limit gap_method pictures verbose send"
     " record_now private page host port token browser",

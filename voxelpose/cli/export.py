@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -99,7 +99,7 @@ class Export:
         from voxelpose.export.formats import export_motion
         from voxelpose.export.player_scene import Stage
         from voxelpose.recording.folder import frame_range
-        from voxelpose.results import open_people
+        from voxelpose.results import names_of, open_people
 
         formats = [name.strip().lower() for name in self.to.split(",") if name.strip()]
         if not formats:
@@ -110,6 +110,7 @@ class Export:
         out = self.out or (self.result if excerpt == Excerpt() else self.result / _APART)
         overwrite, first = self.overwrite or self.out is None, results[0]
         stage = Stage.from_cameras(self.result.resolve().name, first.rig, first.motion)
+        stage = replace(stage, people=tuple(names_of(results)))
         return export_motion(motions, out, formats, overwrite, stage, excerpt, notes), notes
 
     def _conditioned(self, motion: Motion, notes: list[str]) -> Motion:

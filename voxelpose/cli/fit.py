@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -218,6 +218,7 @@ class Fit(EstimationArguments):
       voxelpose fit run --out run_fit --body walk_fit
       voxelpose fit run --out run_fit --body 92A5
       voxelpose fit dance --out dance_fit --people 2
+      voxelpose fit dance --out dance_fit --persons "Anna 1.68 female, Ben 1.82 male"
     """
 
     estimator_options: ClassVar = {
@@ -227,6 +228,9 @@ class Fit(EstimationArguments):
         "voxel_size_m": "voxel",
     }
     cameras: arguments.Cameras = None
+    persons: Annotated[str | None, arguments.optional("TEXT")] = None
+    """What is known of several people, in the order of their numbers: name, stature in metres, sex,
+    as in "Anna 1.68 female, Ben 1.82". A first fit shows who has which number."""
     interference: bool = True
     """Match body parts jointly where their movable areas overlap; else one after the other."""
     voxel: Annotated[setting_types.VoxelSize | None, arguments.optional("M")] = None
@@ -236,6 +240,13 @@ class Fit(EstimationArguments):
     repair: setting_types.Repair = "auto"
     """Cameras that were turned or come late, by the silhouettes: put right where that is sure, only
     say so, or do not look."""
+
+    def settings(self) -> Settings:
+        """See `EstimationArguments.settings`."""
+        from voxelpose.multiview.people import people_told
+
+        people = people_told(self.persons or "", self.setting_text("persons"))
+        return replace(super().settings(), people=people)
 
     def filmed(self) -> tuple[Path, Sequence[str] | None]:
         """See `EstimationArguments.filmed`."""

@@ -12,7 +12,7 @@ import numpy as np
 from silhouette_core.body.joints import LANDMARK_NAMES
 from voxelpose.cli.terminal import plain, print_table, rich_console
 from voxelpose.reliability import verdict_of
-from voxelpose.results import FILES
+from voxelpose.results import FILES, names_of
 
 if TYPE_CHECKING:
     from voxelpose.evaluation import Score
@@ -65,12 +65,15 @@ def _print_files(folder: Path, files: Mapping[str, str]) -> None:
 def print_people(folder: Path, results: Sequence[Result]) -> None:
     """Prints the verdict and the number of poses of each of several people, and the files."""
     console = rich_console()
-    for result in results:
+    for name, result in zip(names_of(results), results, strict=True):
         summary: Any = result.summary
         frames = summary["frames"]
+        whose = (
+            result.folder.name if name == result.folder.name else f"{result.folder.name}, {name}"
+        )
         absent = len(frames.get("away", ()))
         console.print(
-            f"[bold]{plain(result.folder.name)}[/bold], {frames['with_pose']} frames"
+            f"[bold]{plain(whose)}[/bold], {frames['with_pose']} frames"
             + (f", away in {absent}: " if absent else ": ")
             + _verdict_markup(summary),
             soft_wrap=True,

@@ -35,6 +35,8 @@ class Stage:
     """The cameras, in the bodies' world, z up; without distortion. None: none is shown."""
     frames: tuple[int, int] | None = None
     """(first, stop) of those that are shown; None: those that have a pose."""
+    people: tuple[str, ...] = ()
+    """Names of several people, one for each motion; (): they have numbers."""
     results: tuple[tuple[str, int], ...] = ()
     """Of several results side by side their names, each with the number of motions that are its
     own; (): they are of one."""
@@ -59,7 +61,7 @@ def player_scene(motions: Sequence[Motion], fps: float, stage: Stage) -> dict[st
         max(int(one.frames[-1]) for one in motions) + 1,
     )
     rows = np.arange(first, stop)
-    names, result = _names(len(motions), stage.results)
+    names, result = _names(len(motions), stage)
     start_s = first / fps
     if motions:
         start_s = float(motions[0].time_s[0] + (first - motions[0].frames[0]) / fps)
@@ -119,14 +121,14 @@ def skeleton_lines(
     return np.array(parts, np.int64), np.array(local), np.array(bones, np.int64).reshape(-1, 2)
 
 
-def _names(count: int, results: Sequence[tuple[str, int]]) -> tuple[list[str], list[int]]:
+def _names(count: int, stage: Stage) -> tuple[list[str], list[int]]:
     """Names of motions, none of a single one, and the number of the result that each is of."""
-    if not results:
-        return (person_names(count) if count > 1 else [""]), [0] * count
+    if not stage.results:
+        return (list(stage.people) or person_names(count) if count > 1 else [""]), [0] * count
     names, numbers = list[str](), list[int]()
-    for k, (result, total) in enumerate(results):
-        people = person_names(total) if total > 1 else [""]
-        names += [f"{result} {person}".strip() for person in people]
+    for k, (result, total) in enumerate(stage.results):
+        people = stage.people[len(names) :] or (person_names(total) if total > 1 else [""])
+        names += [f"{result} {person}".strip() for person in people[:total]]
         numbers += [k] * total
     return names, numbers
 

@@ -82,9 +82,10 @@ class MultiViewEstimator:
                 f" {source.rig.names[0]}`, which needs one"
             )
         check_tolerance(options.tolerance, len(source.rig))
-        if settings.stature_m is not None:
-            # Refuses what is no person's, before any work is done.
-            BodySizes(settings.stature_m, settings.chest_m, settings.sex)
+        # Refuses what is no person's, before any work is done.
+        for told in (settings, *map(settings.of_person, range(len(settings.people)))):
+            if told.stature_m is not None:
+                BodySizes(told.stature_m, told.chest_m, told.sex)
         known = load_body(options.body, reporter.note) if options.body else None
         given = None if known is None or known.person is not None else known
         people = _looked_for(people, len(source.rig), given)
@@ -107,13 +108,18 @@ class MultiViewEstimator:
             places_m = things_m = np.empty((0, source.frame_count, 3))
             if people != 1:
                 places_m, things_m = people_places(prepared, people, clock, reporter)
+            if len(settings.people) > max(len(places_m), 1):
+                reporter.note(
+                    f"{len(settings.people)} people were told of, and {max(len(places_m), 1)} are"
+                    " followed: the others are not used"
+                )
             if len(places_m) < 2:
                 tracked = [OnePerson(work, prepared, resources).track()]
             else:
                 if known is not None or settings != settings.of_anybody:
                     reporter.note(ONE_PERSONS)
-                anybody = work.of_anybody()
-                tracked = PeopleTrack(anybody, prepared, places_m, things_m, resources).track()
+                works = [work.of_person(number) for number in range(len(places_m))]
+                tracked = PeopleTrack(works, prepared, places_m, things_m, resources).track()
             absent_frames = [frames_of_nobody(prepared)]
             motions = [
                 _motion(tracker, settings, prepared.numbers, prepared.times_s, clock, reporter)

@@ -35,7 +35,7 @@ from voxelpose.report.verdict import (
     recording_findings,
 )
 from voxelpose.result_documents import path_from
-from voxelpose.results import FILES, Result, open_people, people_seconds
+from voxelpose.results import FILES, Result, names_of, open_people, people_seconds
 from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
 from voxelpose.view.images.canvas import Image, has_sides
@@ -194,7 +194,7 @@ def _people(results: Sequence[Result], cameras: CameraCheck, changed: str) -> li
         people.append(
             {
                 "name": name,
-                "label": display_name(name),
+                "label": display_name(names_of(results)[k] or name),
                 "colour": css_colour(person_colour(k)),
                 "summary": result.summary,
                 "verdict": verdict,

@@ -149,14 +149,14 @@ class PeopleTrack:
     """Alternation of N people: where others' bodies are, nothing is known of a person.
 
     Attributes:
-        work: of each alone.
+        works: of each alone.
         prepared: silhouettes of everybody.
         places_m: (N, T, 3) float64, about where each is; NaN: not there.
         things_m: (M, T, 3) float64, the same of things.
         resources: closes what the trackers need.
     """
 
-    work: TrackWork
+    works: Sequence[TrackWork]
     prepared: PreparedSilhouettes
     places_m: FloatArray
     things_m: FloatArray
@@ -165,7 +165,7 @@ class PeopleTrack:
     def track(self) -> list[tuple[PoseTracker, Facts]]:
         """Poses of everybody in all frames, and facts."""
         people = alternated(self)
-        facts = [self.work.finished(tracked) for tracked in people]
+        facts = [work.finished(one) for work, one in zip(self.works, people, strict=True)]
         trackers = [tracked.tracker for tracked in people]
         unexplained: Facts = {"unexplained_frames": self._unexplained(trackers)}
         return [(one, known | unexplained) for one, known in zip(trackers, facts, strict=True)]
@@ -174,17 +174,17 @@ class PeopleTrack:
         """See `Alternation.first`; beside the others' pieces of hull, which hide more of a person
         than bodies do.
         """
-        pieces = _in_turn(self._hull_pieces_at, self.prepared.store)
-        return [self.work.tracked(seen) for seen in self._observations(pieces)]
+        observed = self._observations(_in_turn(self._hull_pieces_at, self.prepared.store))
+        return [work.tracked(seen) for work, seen in zip(self.works, observed, strict=True)]
 
     def again(self, tracked: list[Tracked]) -> list[Tracked]:
         """See `Alternation.again`; beside the others' bodies, with the bodies as they are."""
         trackers = [one.tracker for one in tracked]
         observed = self._observations(self._drawn_pieces(trackers))
-        for one, seen in zip(tracked, observed, strict=True):
+        for work, one, seen in zip(self.works, tracked, observed, strict=True):
             one.tracker.observations = seen
             # Limbs that pieces of hull hid are searched where bodies hide less.
-            self.work.again(one.tracker, [*one.start.errors])
+            work.again(one.tracker, [*one.start.errors])
         return tracked
 
     def _unexplained(self, trackers: Sequence[PoseTracker]) -> float:
@@ -206,7 +206,7 @@ class PeopleTrack:
 
     def _observations(self, pieces: Iterator[Sequence[Masks | None]]) -> list[ObservationStore]:
         """Observations of each person among others that are seen where `pieces` says."""
-        observer, work, resources = self.prepared.observer, self.work, self.resources
+        observer, work, resources = self.prepared.observer, self.works[0], self.resources
         each = silhouettes_of(self.prepared.store, pieces, self.places_m, observer.views)
         return [
             resources.enter_context(

@@ -103,9 +103,9 @@ class TrackWork:
     reporter: Reporter
     numbers: IntArray | None = None  #: of the frames; None: none is left out.
 
-    def of_anybody(self) -> "TrackWork":
-        """The same of somebody of whom nothing was told: what was, is one person's of several."""
-        return replace(self, settings=self.settings.of_anybody, known=None)
+    def of_person(self, number: int) -> "TrackWork":
+        """The same of one of several people, of whom nothing is known but what `people` tells."""
+        return replace(self, settings=self.settings.of_person(number), known=None)
 
     def finished(self, tracked: Tracked) -> Facts:
         """Adapts the body a last time and refines every pose; facts for the summary."""

@@ -117,7 +117,7 @@ def test_what_nobody_explains_is_said_where_it_is_as_large_as_a_person():
     observer = namespace(views=VIEWS, volume=volume)
     prepared = namespace(store=[[a | b for a, b in people]], observer=observer)
     places_m = np.zeros((2, 1, 3)), np.zeros((0, 1, 3))
-    track = PeopleTrack(namespace(), prepared, *places_m, ExitStack())
+    track = PeopleTrack([namespace()], prepared, *places_m, ExitStack())
     assert track._unexplained(trackers) == 0
     assert track._unexplained(trackers[:1]) == 1
 
@@ -130,7 +130,7 @@ def test_a_thing_is_seen_where_its_hull_is_beside_the_bodies():
     unseen = namespace(people_masks=lambda t: [[]] * 5)
     prepared = namespace(store=[[a | b for a, b in people]], observer=observer, footage=unseen)
     places = [np.array([[(*place, 1.0)]]) for place in PLACES]
-    track = PeopleTrack(namespace(), prepared, *places, ExitStack())
+    track = PeopleTrack([namespace()], prepared, *places, ExitStack())
     ((body, thing),) = track._drawn_pieces(trackers)
     own, other = (photograph(VIEWS, *one) for one in PEOPLE)
     for k in range(5):
