@@ -93,7 +93,7 @@ class FrameSource(Protocol):
 
 
 @dataclass(frozen=True)
-class Person:
+class KnownPerson:
     """What is known of one of several people before the estimation."""
 
     name: str = ""
@@ -124,14 +124,14 @@ class Settings:
     """Settings of one estimator only, by name (`interference`, `voxel_size_m` of the multi-view
     one); see `read_options`."""
 
-    people: tuple[Person, ...] = ()
+    people: tuple[KnownPerson, ...] = ()
     """What is known of several people, in the order of their numbers; of others nothing is."""
 
     def of_person(self, number: int) -> Settings:
         """The same of one of several people, counted from 0: with what is known of that one."""
-        told = self.people[number : number + 1]
-        person = told[0] if told else Person()
-        return replace(self.of_anybody, people=told, stature_m=person.stature_m, sex=person.sex)
+        known = self.people[number : number + 1]
+        person = known[0] if known else KnownPerson()
+        return replace(self.of_anybody, people=known, stature_m=person.stature_m, sex=person.sex)
 
     @property
     def of_anybody(self) -> Settings:

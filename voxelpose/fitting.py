@@ -120,9 +120,9 @@ def fit_people(
                 raise InputError(f"estimator {estimator!r} estimates one person, not {people}")
         several = len(estimates) > 1
         estimations = [
-            _Estimation(recording, estimate, told, estimator, started, inputs)
+            _Estimation(recording, estimate, known, estimator, started, inputs)
             for k, estimate in enumerate(estimates)
-            for told in [settings.of_person(k) if several else settings]
+            for known in [settings.of_person(k) if several else settings]
         ]
         if len(estimations) > 1:
             _write_people(folder, output, estimations, reporter)

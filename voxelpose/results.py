@@ -295,9 +295,9 @@ def correct(folder: Path, corrections: Sequence[Correction]) -> None:
 def names_of(results: Sequence[Result]) -> list[str]:
     """Names of people, as they were told, else as of their folders; of one alone that is known."""
     known: list[Any] = [one.settings.get("people") or [{}] for one in results]
-    told = [str(people[0].get("name", "")) for people in known]
+    given = [str(people[0].get("name", "")) for people in known]
     usual = person_names(len(results)) if len(results) > 1 else [""]
-    return [name or number for name, number in zip(told, usual, strict=True)]
+    return [name or number for name, number in zip(given, usual, strict=True)]
 
 
 def people_folders(folder: Path) -> list[Path]:

@@ -83,9 +83,9 @@ class MultiViewEstimator:
             )
         check_tolerance(options.tolerance, len(source.rig))
         # Refuses what is no person's, before any work is done.
-        for told in (settings, *map(settings.of_person, range(len(settings.people)))):
-            if told.stature_m is not None:
-                BodySizes(told.stature_m, told.chest_m, told.sex)
+        for each in (settings, *map(settings.of_person, range(len(settings.people)))):
+            if each.stature_m is not None:
+                BodySizes(each.stature_m, each.chest_m, each.sex)
         known = load_body(options.body, reporter.note) if options.body else None
         given = None if known is None or known.person is not None else known
         people = _looked_for(people, len(source.rig), given)

@@ -47,7 +47,7 @@ def carved(page) -> None:
 
 def shown(page) -> np.ndarray:
     """The scene as it is drawn, (h, w, 3) int BGR."""
-    until(page, "!viewer.player.wanted && !viewer.player.viewpoint.flight")
+    until(page, "!viewer.player.wanted && viewer.player.fine && !viewer.player.viewpoint.flight")
     page.wait_for_timeout(150)
     data = page.locator("canvas.space").screenshot()
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
@@ -112,6 +112,8 @@ def test_it_plays_by_a_steady_clock_and_keys(served):
         late = (due - seen[:, 1] + 1) % FRAMES - 1  # of a motion that begins anew
         assert late.min() > -0.2 and late.max() < 1.2 and len(set(seen[:, 1])) == FRAMES
         assert page.get_by_role("button", name="Pause").is_visible()
+        # Numbers are those of the shown frame: none while frames pass.
+        assert "litres" not in page.inner_text(".told")
         page.keyboard.press("Space")
         page.get_by_role("button", name="Play").wait_for()
         page.keyboard.press("End")
@@ -119,6 +121,70 @@ def test_it_plays_by_a_steady_clock_and_keys(served):
         page.get_by_text(f"Frame {FRAMES - 2},").wait_for()
         page.keyboard.press("Shift+ArrowLeft")
         page.get_by_text("Frame 0,").wait_for()
+        assert faults == []
+
+
+@pytest.mark.slow
+def test_a_frame_is_gone_to_looped_and_linked(served):
+    with new_page(900, 600) as (page, faults):
+        page.goto(served.url)
+        carved(page)
+        typed = page.get_by_label("Go to a frame")
+        for text, frame in (("0.12 s", 3), ("0:00.04", 1), ("2", 2)):
+            typed.fill(text)
+            typed.press("Enter")
+            page.get_by_text(f"Frame {frame},").wait_for()
+        page.keyboard.press("g")
+        page.keyboard.type("99")
+        page.keyboard.press("Enter")
+        assert "wrong" in typed.get_attribute("class")
+        typed.fill("")
+        page.get_by_role("button", name="One frame back").click()
+        page.get_by_text("Frame 1,").wait_for()
+        page.keyboard.press("i")
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("o")
+        until(page, "location.hash === '#frame=2&loop=1-2'")
+        page.reload()
+        carved(page)
+        page.get_by_text("Frame 2,").wait_for()
+        page.evaluate("viewer.player.timeline.toggle(true)")
+        seen = set[int]()
+
+        def look() -> bool:
+            seen.add(page.evaluate("viewer.player.timeline.frame"))
+            return len(seen) == 2
+
+        until(page, look)
+        assert seen == {1, 2}
+        page.keyboard.press("x")
+        assert page.evaluate("viewer.player.timeline.loop") == [0, FRAMES - 1]
+        assert faults == []
+
+
+@pytest.mark.slow
+def test_the_view_follows_and_fits_the_body(served):
+    middle = "viewer.player.viewpoint.target"
+    with new_page(900, 600) as (page, faults):
+        page.goto(served.url)
+        carved(page)
+        page.evaluate("viewer.player.viewpoint.pan(300, 0); viewer.player.viewpoint.zoom(3)")
+        beside = page.evaluate(middle)
+        page.evaluate(
+            "viewer.player.bodies[0].root.forEach((_, k, root) => (root[k] += k % 3 ? 0 : 1))"
+        )
+        page.evaluate("viewer.player.timeline.seek(2)")
+        np.testing.assert_allclose(np.subtract(page.evaluate(middle), beside), [1, 0, 0], atol=0.05)
+        page.keyboard.press("f")
+        until(page, "!viewer.player.viewpoint.flight")
+        whole = page.evaluate("""() => {
+            const { bodies, viewpoint, canvas } = viewer.player;
+            const matrix = viewpoint.matrix(performance.now());
+            const pixels = bodies[0].skeleton().map((point) => viewpoint.pixel(matrix, point));
+            const heights = pixels.map(([, y]) => y / canvas.clientHeight);
+            return [Math.min(...heights), Math.max(...heights)];
+        }""")
+        assert 0 < whole[0] < 0.25 and 0.75 < whole[1] < 1
         assert faults == []
 
 

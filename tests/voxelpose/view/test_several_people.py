@@ -46,8 +46,15 @@ def test_who_has_no_pose_is_named(scenes):
     scene = scenes.scene(1)
     assert scene.bodies[1] is None and scene.hull.occupancy.any()
     assert scene.notes == ("no pose of person 2 was found in this frame",)
-    shown = " ".join(frame_lines(scenes.scene(3)))
-    assert "Person 1: Little inside" in shown and "Person 2: Little inside" in shown
+    lost = scenes.scene(1).hull.nearest.person
+    assert set(np.unique(lost)) == {-1, 0}  # who is lost has no part of the hull
+    hull = scenes.scene(3).hull
+    litres = [hull.litres(hull.nearest.person == k) for k in range(2)]
+    assert min(litres) > 20 and sum(litres) == pytest.approx(hull.litres(hull.occupancy))
+    for k, name in enumerate(("Person 1", "Person 2")):
+        words = [text for person, text in frame_lines(scenes.scene(3)) if person == k]
+        assert words[0].startswith(f"{name}: Little inside")
+        assert f"{name}: Hull {litres[k]:.0f} litres." in words
     assert scenes.areas(3) == {} and scenes.limb_names == ()
 
 
@@ -75,11 +82,17 @@ def test_people_are_switched_on_and_off(scenes):
         page.goto(browser.url)
         page.get_by_text("Person 2: Little inside").wait_for(timeout=60_000)
         assert page.get_by_label("Colours of the body").input_value() == "person"
+        triangles = "viewer.hull.mesh.count / 3"
+        whole = page.evaluate(triangles)
         page.get_by_label("Hull", exact=True).uncheck()
         page.get_by_label("Skeleton").uncheck()
         both = _coloured(page)
         page.get_by_label("person 2", exact=True).uncheck()
         first = _coloured(page)
+        assert 0.3 < page.evaluate(triangles) / whole < 0.7
+        assert "Person 1: Hull" in page.inner_text(".told")
+        for place in (".told", ".legend"):
+            assert "person 2" not in page.inner_text(place).lower()
         assert both[0] > 100 < both[1] and first[0] > 100 and first[1] < 20, (both, first)
         assert faults == []
     browser.close()

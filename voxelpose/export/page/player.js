@@ -2,7 +2,7 @@
 
 import { Body } from "./body.js";
 import { checkbox, choice, css, make, swatch } from "./elements.js";
-import { BALL, Renderer, boneFaces } from "./renderer.js";
+import { Renderer, boneFaces, jointFaces } from "./renderer.js";
 import { Pinhole, add, minus, mixed, norm, scaled } from "./space.js";
 import { Timeline } from "./timeline.js";
 import { Viewpoint } from "./viewpoint.js";
@@ -13,7 +13,10 @@ const UNKNOWN = [120, 128, 136];
 const SIDES = { left: [58, 158, 255], right: [255, 130, 38], middle: [110, 214, 196] };
 // Vermilion over yellow to blue, likewise.
 const RAMP = [[213, 62, 20], [244, 190, 60], [64, 132, 214]];
-const CAMERA = [150, 164, 178];
+const CAMERA = [150, 164, 178, 255];
+const JOINTS = [245, 245, 240];
+const JOINT = 0.024;  // width of a joint's mark, m
+const STILL_MS = 250;  // after which a picture that stays is drawn finely
 
 // Colour of a fraction from 0 to 1.
 export function ramp(share) {
@@ -53,21 +56,27 @@ export class Player {
     this.people = this.bodies.map(() => true);
     this.sided = this.bodies.some((body) => body.parts.some((name) => sideOf(name) !== "middle"));
     this.colouring = this.bodies.length > 1 ? "person" : this.sided ? "sides" : "plain";
-    this.follows = false;
+    this.follows = true;
     this.spread = true;
     this.viewpoint = new Viewpoint(this.canvas, scene, () => this.redraw(), () => this.#looked(null));
-    this.timeline = new Timeline(part("timeline"), scene, this.bodies, (index) => this.#frame(index), (share) => css(ramp(share)));
+    this.timeline = new Timeline(part("timeline"), scene, this.bodies, this.people, (index) => this.#frame(index), (share) => css(ramp(share)));
     this.#makeCameras();
     this.#makePanel();
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
     this.canvas.addEventListener("pointerup", (event) => this.#click(event));
-    document.addEventListener("keydown", (event) => event.key === "Escape" && this.viewpoint.pinhole && this.viewpoint.goHome());
+    document.addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && this.viewpoint.pinhole) this.viewpoint.goHome();
+      else if (event.key === "f" && !event.ctrlKey && !event.metaKey && !event.target.matches("select, input:not([type=checkbox])")) this.fit();
+    });
     this.timeline.seek((scene.shown ?? scene.first + Math.floor(scene.count / 2)) - scene.first);
+    this.#readAddress();
+    addEventListener("hashchange", () => this.#readAddress());
     this.drawn = 0;
     this.showLegend();
     const tick = (now) => {
       this.timeline.tick(now);
-      if (this.wanted) this.#draw(now);
+      const still = !this.wanted && now - this.drawnAt > STILL_MS;
+      if (this.wanted || (still && !this.fine)) this.#draw(now, still || !this.renderer.slow);
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);
@@ -84,9 +93,36 @@ export class Player {
   #frame(index) {
     this.bodies.forEach((body, k) => body.rows[index] >= 0 && this.#place(body, k, body.rows[index]));
     if (this.follows) this.#follow();
+    if (!this.timeline.playing) this.#writeAddress();
     this.skeleton = null;
     this.extras.changed?.(index);
     this.redraw();
+  }
+
+  // The address tells the frame and the loop, so that it leads there again.
+  #writeAddress() {
+    const { frame, loop, whole } = this.timeline;
+    const words = `#frame=${frame}${whole.hidden ? "" : `&loop=${loop.map((index) => this.scene.first + index).join("-")}`}`;
+    clearTimeout(this.address);
+    if (this.scene.count > 1) this.address = setTimeout(() => history.replaceState(null, "", words), 200);
+  }
+
+  #readAddress() {
+    const asked = new URLSearchParams(location.hash.slice(1));
+    const { first } = this.scene;
+    const [from, to] = (asked.get("loop") ?? "").split("-").map((text) => parseInt(text, 10) - first);
+    if (from < to) this.timeline.range(from, to);
+    const frame = parseInt(asked.get("frame"), 10);
+    if (frame >= 0) this.timeline.seek(frame - first);
+  }
+
+  // Shows all of everybody, or of the cameras where there is nobody.
+  fit() {
+    const shown = this.bodies.filter((_, k) => this.row(k) >= 0);
+    const points = shown.length ? shown.flatMap((body) => body.skeleton()) : this.cameras.map(({ center }) => center);
+    if (!points.length) return;
+    const ends = [Math.min, Math.max].map((end) => [0, 1, 2].map((k) => end(...points.map((point) => point[k]))));
+    this.viewpoint.fit(mixed(...ends, 0.5), Math.max(0.55 * norm(minus(...ends)), 0.3));
   }
 
   #place(body, k, row) {
@@ -110,7 +146,7 @@ export class Player {
 
   // Lines of everybody's skeleton, of the shown frame.
   #bones() {
-    const [faces, normals, colours, places, marks] = [[], [], [], [], []];
+    const [faces, normals, colours] = [[], [], []];
     this.bodies.forEach((body, k) => {
       if (this.row(k) < 0) return;
       const points = body.skeleton();
@@ -123,34 +159,30 @@ export class Player {
         const colour = body.colour ? mixed(body.colour, [255, 255, 255], 0.5) : SIDES[sideOf(body.parts[body.partOf(bone)])];
         for (let n = before; n < faces.length; n += 3) colours.push(...colour);
       }
-      for (const end of new Set(body.bones)) {
-        places.push(...points[end]);
-        marks.push(245, 245, 240);
-      }
+      for (const end of new Set(body.bones)) jointFaces(points[end], JOINT, faces, normals);
+      while (colours.length < faces.length) colours.push(...JOINTS);
     });
-    return {
-      bones: this.renderer.surface(new Float32Array(faces), new Float32Array(normals), new Uint8Array(colours)),
-      joints: this.renderer.crowd(BALL, new Float32Array(places), new Uint8Array(marks)),
-    };
+    return this.renderer.surface(new Float32Array(faces), new Float32Array(normals), new Uint8Array(colours));
   }
 
-  #draw(now) {
+  #draw(now, fine) {
     this.wanted = false;
+    Object.assign(this, { fine, drawnAt: now });
     const { renderer, viewpoint, scene, shown } = this;
     const matrix = viewpoint.matrix(now);
     const { through } = viewpoint;
-    renderer.begin(matrix, viewpoint.eyeNow);
+    renderer.begin(matrix, viewpoint.eyeNow, fine);
     if (through) this.extras.backdrop?.(this, through);
     const reach = Math.max(5, 2.2 * norm(minus(scene.eye, scene.look_at)));
     if (!through) renderer.drawFloor(scene.look_at, scene.floor_m, reach);
     if (shown.body && !through && viewpoint.eye[2] > scene.floor_m) {
-      this.skins.forEach((skin, k) => this.row(k) >= 0 && renderer.drawShadow(skin, scene.floor_m + 0.002));
+      this.skins.forEach((skin, k) => this.row(k) >= 0 && renderer.drawShadow(skin.mesh, scene.floor_m + 0.002));
     }
     if (shown.cameras && !through) {
       renderer.drawLines(this.frusta);
       this.extras.pictures?.(this);
     }
-    if (shown.body) this.skins.forEach((skin, k) => this.row(k) >= 0 && renderer.drawSkin(skin, through && this.extras.backdrop ? 0.25 : 1));
+    if (shown.body) this.skins.forEach((skin, k) => this.row(k) >= 0 && renderer.drawSolid(skin.mesh, 1, through && this.extras.backdrop ? 0.25 : 1));
     this.extras.draw?.(this);
     renderer.over();
     this.extras.over?.(this);
@@ -160,14 +192,11 @@ export class Player {
   }
 
   #drawSkeleton() {
-    const { renderer } = this;
     if (!this.skeleton) {
-      renderer.drop(this.lines?.bones);
-      renderer.drop(this.lines?.joints);
+      this.renderer.drop(this.lines);
       this.skeleton = this.lines = this.#bones();
     }
-    renderer.drawSolid(this.skeleton.bones);
-    renderer.drawSolid(this.skeleton.joints, 0.024);
+    this.renderer.drawSolid(this.skeleton);
   }
 
   #makeCameras() {
@@ -177,7 +206,7 @@ export class Player {
       const corners = camera.corners(size);
       return corners.flatMap((corner, k) => [...camera.center, ...corner, ...corner, ...corners[(k + 1) % 4]]);
     });
-    this.frusta = this.renderer.lines(new Float32Array(ends), new Uint8Array(ends.map((_, k) => CAMERA[k % 3])));
+    this.frusta = this.renderer.lines(new Float32Array(ends), new Uint8Array((4 * ends.length) / 3).map((_, k) => CAMERA[k % 4]));
     this.feet = this.cameras.map((camera) => mixed(...camera.corners(size).slice(2), 0.5));
     const buttons = (more) => this.cameras.map((camera) => make("button", {
       ...more, title: `Look through ${camera.name}`,
@@ -232,8 +261,9 @@ export class Player {
     if (hit) this.look(hit);
   }
 
+  // Who is not found for a while is where he was last, lest the view jumps.
   #follow() {
-    const there = this.bodies.filter((_, k) => this.row(k) >= 0).map((body) => body.origins[0]);
+    const there = this.bodies.filter((body, k) => this.people[k] && body.origins).map((body) => body.origins[0]);
     if (there.length) this.viewpoint.follow(there.reduce((sum, point) => add(sum, point)).map((value) => value / there.length));
   }
 
@@ -256,8 +286,9 @@ export class Player {
         this.#frame(this.timeline.index);
       }))] : []),
       ...(this.extras.layers?.(this) ?? []),
-      ...(this.bodies.length ? [make("div", { class: "layer" }, checkbox("View follows the body", false, (on) => {
+      ...(this.bodies.length ? [make("div", { class: "layer" }, checkbox("View follows the body", true, (on) => {
         this.follows = on;
+        this.viewpoint.center = this.viewpoint.target;
         this.#frame(this.timeline.index);
       }))] : []),
     );
@@ -273,6 +304,9 @@ export class Player {
   showPerson(k, on) {
     this.people[k] = on;
     this.#frame(this.timeline.index);
+    this.timeline.draw();
+    this.extras.persons?.();
+    this.showLegend();
   }
 
   colour(way) {
@@ -286,7 +320,7 @@ export class Player {
     const [first] = this.bodies;
     const { body, skeleton } = this.shown;
     const ends = [0, 0.25, 0.5, 0.75, 1].map(ramp);
-    if (this.bodies.length > 1) this.bodies.forEach((one) => lines.push(swatch([one.colour], shownName(one))));
+    if (this.bodies.length > 1) this.bodies.forEach((one, k) => this.people[k] && lines.push(swatch([one.colour], shownName(one))));
     else if (this.sided && (skeleton || (body && this.colouring === "sides"))) {
       for (const side of ["left", "right", "middle"]) lines.push(swatch([SIDES[side]], `${side}: skeleton and body`));
     }

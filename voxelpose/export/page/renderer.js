@@ -4,6 +4,9 @@ import { programs } from "./shaders.js";
 import { add, cross, minus, scaled, unit } from "./space.js";
 
 const NOT_FLAT = -1e6;
+const NEAR = 0.1;  // part of the depth that is kept for what is drawn over all else
+const CELL = 0.5;  // of the floor's grid, m
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 const IDENTITY = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
 
 // A cube and an octahedron around the origin, one unit wide: positions and normals.
@@ -50,26 +53,38 @@ export function boneFaces(start, end, width, faces, normals) {
   }
 }
 
+// Triangles of the mark of a joint.
+export function jointFaces(point, size, faces, normals) {
+  for (let k = 0; k < BALL.positions.length; k++) faces.push(point[k % 3] + size * BALL.positions[k]);
+  normals.push(...BALL.normals);
+}
+
 export class Renderer {
   constructor(canvas) {
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, stencil: true });
+    // Edges are smooth since more pixels are drawn than shown: multisampling takes most of the time
+    // where there is no graphics card.
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false });
     if (!gl) throw new Error("this browser draws nothing in three dimensions: it has no WebGL 2");
-    Object.assign(this, { canvas, gl, programs: programs(gl), background: [0.118, 0.137, 0.16] });
+    const named = gl.getExtension("WEBGL_debug_renderer_info");
+    const slow = SOFTWARE.test(gl.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+    Object.assign(this, { canvas, gl, slow, programs: programs(gl), background: [0.118, 0.137, 0.16] });
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     this.screen = this.mesh("picture", { position: [new Float32Array(16), 4], corner: [new Float32Array([0, 0, 1, 0, 1, 1, 0, 1]), 2] });
   }
 
-  // Begins a picture of the size of the canvas; `camera` takes the world to clip coordinates.
-  begin(camera, eye) {
+  // Begins a picture of the size of the canvas; `camera` takes the world to clip coordinates. `fine`:
+  // with smooth edges.
+  begin(camera, eye, fine) {
     const { canvas, gl } = this;
-    const dense = Math.min(devicePixelRatio || 1, 2);
+    const dense = fine ? 2 : 1;
     const size = [canvas.clientWidth, canvas.clientHeight].map((side) => Math.max(1, Math.round(side * dense)));
     if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
     gl.viewport(0, 0, ...size);
     gl.clearColor(...this.background, 1);
     gl.depthMask(true);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.depthRange(NEAR, 1);
     gl.enable(gl.DEPTH_TEST);
     Object.assign(this, { camera, eye });
   }
@@ -87,14 +102,11 @@ export class Renderer {
     const array = gl.createVertexArray();
     const buffers = [];
     gl.bindVertexArray(array);
-    for (const [name, [data, numbers, { whole = false, share = false, each = 0 } = {}]] of Object.entries(inputs)) {
+    for (const [name, [data, numbers, { share = false, each = 0 } = {}]] of Object.entries(inputs)) {
       const at = this.programs[program].inputs[name];
-      if (at === undefined) continue;
       buffers.push(this.buffer(data));
-      const kind = this.#kind(data);
       gl.enableVertexAttribArray(at);
-      if (whole) gl.vertexAttribIPointer(at, numbers, kind, 0, 0);
-      else gl.vertexAttribPointer(at, numbers, kind, share, 0, 0);
+      gl.vertexAttribPointer(at, numbers, this.#kind(data), share, 0, 0);
       gl.vertexAttribDivisor(at, each);
     }
     if (faces) buffers.push(this.buffer(faces, gl.ELEMENT_ARRAY_BUFFER));
@@ -137,37 +149,52 @@ export class Renderer {
   }
 
   lines(positions, colours) {
-    return this.mesh("lines", { position: [positions, 3], colour: [colours, 3, { share: true }] }, null, positions.length / 3);
+    return this.mesh("lines", { position: [positions, 3], colour: [colours, 4, { share: true }] }, null, positions.length / 3);
   }
 
+  // The surface of a body, which `place` bends.
   skin(body) {
-    const mesh = this.mesh("skin", {
-      position: [body.vertices, 3], normal: [body.normals, 3, { share: true }],
-      parts: [body.skin_parts, 4, { whole: true }], weights: [body.skin_weights, 4, { share: true }],
-      owner: [body.owner, 1],
-    }, body.faces);
-    return { mesh, places: this.texture(), colours: this.texture() };
+    const [positions, normals] = [new Float32Array(body.vertices.length), new Float32Array(body.vertices.length)];
+    const colours = new Uint8Array(body.vertices.length);
+    return { body, positions, normals, colours, mesh: this.surface(positions, normals, colours, body.faces) };
   }
 
-  texture(smooth = false) {
+  texture() {
     const { gl } = this;
     const made = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, made);
     for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
-    for (const way of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-      gl.texParameteri(gl.TEXTURE_2D, way, smooth ? gl.LINEAR : gl.NEAREST);
-    }
+    for (const way of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, way, gl.LINEAR);
     return made;
   }
 
-  // Where a skin's parts are, 12 numbers each, and their colours, 3 bytes each.
-  place(skin, places, colours) {
+  // Bends a skin: where its parts are, 12 numbers each, and their colours, 3 bytes each. Once for all
+  // that is drawn of it, which the graphics card would do for every use of a vertex.
+  place(skin, places, partColours) {
     const { gl } = this;
-    const count = places.length / 12;
-    gl.bindTexture(gl.TEXTURE_2D, skin.places);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 3, count, 0, gl.RGBA, gl.FLOAT, places);
-    gl.bindTexture(gl.TEXTURE_2D, skin.colours);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, 1, count, 0, gl.RGB, gl.UNSIGNED_BYTE, colours);
+    const { positions, normals, colours, mesh } = skin;
+    const { vertices, normals: rest, skin_parts: parts, skin_weights: weights, owner } = skin.body;
+    const m = new Float32Array(12);
+    for (let v = 0; v < owner.length; v++) {
+      m.fill(0);
+      for (let k = 4 * v; k < 4 * v + 4; k++) {
+        if (!weights[k]) continue;
+        const [share, from] = [weights[k] / 255, 12 * parts[k]];
+        for (let n = 0; n < 12; n++) m[n] += share * places[from + n];
+      }
+      const [at, from] = [3 * v, 3 * owner[v]];
+      const [x, y, z, nx, ny, nz] = [vertices[at], vertices[at + 1], vertices[at + 2], rest[at], rest[at + 1], rest[at + 2]];
+      for (let n = 0; n < 3; n++) {
+        const [a, b, c, d] = [m[4 * n], m[4 * n + 1], m[4 * n + 2], m[4 * n + 3]];
+        positions[at + n] = a * x + b * y + c * z + d;
+        normals[at + n] = a * nx + b * ny + c * nz;
+        colours[at + n] = partColours[from + n];
+      }
+    }
+    [positions, normals, colours].forEach((data, k) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, mesh.buffers[k]);
+      gl.bufferSubData(gl.ARRAY_BUFFER, 0, data);
+    });
   }
 
   picture(texture, image) {
@@ -176,72 +203,60 @@ export class Renderer {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, image);
   }
 
-  drawSkin(skin, opacity = 1) {
-    const at = this.#skinned(skin, NOT_FLAT);
-    this.#through(opacity, () => this.#draw(skin.mesh, at, opacity));
-  }
-
-  // A shadow below: every pixel of the floor once, however many triangles lie over it.
-  drawShadow(skin, floor) {
-    const { gl } = this;
-    const at = this.#skinned(skin, floor);
-    gl.enable(gl.STENCIL_TEST);
-    gl.stencilFunc(gl.EQUAL, 0, 255);
-    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-    gl.depthMask(false);
-    this.#blend(true);
-    this.#draw(skin.mesh, at, 0.4);
-    this.#blend(false);
-    gl.depthMask(true);
-    gl.disable(gl.STENCIL_TEST);
-  }
-
-  #skinned(skin, flatten) {
-    const { gl } = this;
-    const at = this.#use("skin");
-    [skin.colours, skin.places].forEach((texture, k) => {
-      gl.activeTexture(gl.TEXTURE1 - k);
-      gl.bindTexture(gl.TEXTURE_2D, texture);
-    });
-    gl.uniform1i(at.places, 0);
-    gl.uniform1i(at.colours, 1);
-    gl.uniform1f(at.flatten, flatten);
-    return at;
+  // A shadow below, of one colour: it is not drawn twice where triangles lie over each other.
+  drawShadow(mesh, floor) {
+    this.#draw(mesh, this.#solid(1, floor), 1);
   }
 
   drawSolid(mesh, size = 1, opacity = 1) {
-    const at = this.#use("solid");
-    this.gl.uniform1f(at.size, size);
-    this.gl.vertexAttrib3f(this.programs.solid.inputs.place, 0, 0, 0);
+    const at = this.#solid(size);
     this.#through(opacity, () => this.#draw(mesh, at, opacity));
   }
 
-  drawLines(mesh) {
-    this.#use("lines");
-    this.gl.bindVertexArray(mesh.array);
-    this.gl.drawArrays(this.gl.LINES, 0, mesh.count);
+  #solid(size, flatten = NOT_FLAT) {
+    const at = this.#use("solid");
+    this.gl.uniform1f(at.size, size);
+    this.gl.uniform1f(at.flatten, flatten);
+    this.gl.vertexAttrib3f(this.programs.solid.inputs.place, 0, 0, 0);
+    return at;
   }
 
-  drawFloor(middle, height, reach) {
+  drawLines(mesh) {
     const { gl } = this;
+    this.#use("lines");
+    gl.bindVertexArray(mesh.array);
+    this.#blend(true);
+    gl.drawArrays(gl.LINES, 0, mesh.count);
+    this.#blend(false);
+  }
+
+  // The floor: a grid of half metres that fades away from its middle.
+  drawFloor(middle, height, reach) {
     const key = [...middle, height, reach].join();
     if (this.floorKey !== key) {
       this.floorKey = key;
-      const [x, y] = middle;
       this.drop(this.floor);
-      this.floor = this.mesh("floor", { position: [new Float32Array([
-        x - reach, y - reach, height, x + reach, y - reach, height, x - reach, y + reach, height,
-        x + reach, y - reach, height, x + reach, y + reach, height, x - reach, y + reach, height]), 3] }, null, 6);
+      this.floor = this.#grid(middle, height, reach);
     }
-    const at = this.#use("floor");
-    gl.uniform2f(at.middle, middle[0], middle[1]);
-    gl.uniform1f(at.reach, reach);
-    gl.enable(gl.BLEND);
-    gl.depthMask(false);
-    gl.bindVertexArray(this.floor.array);
-    gl.drawArrays(gl.TRIANGLES, 0, 6);
-    gl.depthMask(true);
-    gl.disable(gl.BLEND);
+    this.drawLines(this.floor);
+  }
+
+  #grid([x, y], height, reach) {
+    const [ends, colours] = [[], []];
+    const least = (center) => Math.ceil((center - reach) / CELL);
+    for (const [across, along, turn] of [[x, y, false], [y, x, true]]) {
+      for (let line = least(across); line * CELL < across + reach; line++) {
+        for (let k = 4 * Math.floor(least(along) / 4); k * CELL < along + reach; k += 4) {
+          for (const end of [k, k + 4]) {
+            const [a, b] = [line * CELL, end * CELL];
+            const far = Math.min(Math.max((Math.hypot(a - across, b - along) / reach - 0.2) / 0.8, 0), 1);
+            ends.push(...(turn ? [b, a] : [a, b]), height);
+            colours.push(140, 158, 173, (line % 2 ? 80 : 140) * (1 - far) ** 2);
+          }
+        }
+      }
+    }
+    return this.lines(new Float32Array(ends), new Uint8Array(colours));
   }
 
   // A picture between four corners in the world, or over a rectangle of the canvas in clip coordinates.
@@ -263,7 +278,7 @@ export class Renderer {
 
   // What follows is drawn over all that is there.
   over() {
-    this.gl.clear(this.gl.DEPTH_BUFFER_BIT);
+    this.gl.depthRange(0, NEAR);
   }
 
   // The nearest surface of what shines through, and not what lies behind it: depth first, then colour.

@@ -2,91 +2,43 @@
 
 const LIGHT = `
   vec3 shaded(vec3 colour, vec3 normal, vec3 toEye) {
-    vec3 n = normalize(normal);
-    if (dot(n, toEye) < 0.0) n = -n;
-    float sky = 0.5 + 0.5 * n.z;
-    float key = max(dot(n, normalize(vec3(0.35, -0.45, 0.8))), 0.0);
-    float front = max(dot(n, normalize(toEye)), 0.0);
-    float rim = pow(1.0 - front, 3.0);
-    return colour * (0.34 + 0.22 * sky + 0.34 * key + 0.22 * front) + 0.10 * rim;
+    float facing = dot(normal, toEye);
+    vec3 n = normal * (sign(facing) * inversesqrt(dot(normal, normal)));
+    float key = max(dot(n, vec3(0.356, -0.458, 0.814)), 0.0);
+    float front = dot(n, toEye);
+    float edge = 1.0 - front;
+    return colour * (0.45 + 0.11 * n.z + 0.34 * key + 0.22 * front) + 0.10 * edge * edge * edge;
   }`;
 
-const SKIN = [`#version 300 es
-  in vec3 position; in vec3 normal; in uvec4 parts; in vec4 weights; in float owner;
-  uniform mat4 camera; uniform highp sampler2D places; uniform sampler2D colours;
-  uniform float flatten;
-  out vec3 at; out vec3 turned; out vec3 colour;
-  vec4 row(uint part, int k) { return texelFetch(places, ivec2(k, int(part)), 0); }
-  void main() {
-    vec4 p = vec4(position, 1.0);
-    vec3 q = vec3(0.0), n = vec3(0.0);
-    for (int k = 0; k < 4; k++) {
-      vec4 a = row(parts[k], 0), b = row(parts[k], 1), c = row(parts[k], 2);
-      q += weights[k] * vec3(dot(a, p), dot(b, p), dot(c, p));
-      n += weights[k] * vec3(dot(a.xyz, normal), dot(b.xyz, normal), dot(c.xyz, normal));
-    }
-    if (flatten > -1e5) q.z = flatten;
-    at = q; turned = n;
-    colour = texelFetch(colours, ivec2(0, int(owner + 0.5)), 0).rgb;
-    gl_Position = camera * vec4(q, 1.0);
-  }`, `#version 300 es
-  precision highp float;
-  in vec3 at; in vec3 turned; in vec3 colour;
-  uniform vec3 eye; uniform float opacity; uniform float flatten;
-  out vec4 result;
-  ${LIGHT}
-  void main() {
-    vec3 c = flatten > -1e5 ? vec3(0.01, 0.015, 0.02) : shaded(colour, turned, normalize(eye - at));
-    result = vec4(c * opacity, opacity);
-  }`];
-
-// Meshes, once or at many places: an instance has its place and its colour.
+// Meshes, once or at many places: an instance has its place and its colour. Flattened: a shadow.
 const SOLID = [`#version 300 es
   in vec3 position; in vec3 normal; in vec3 colour; in vec3 place;
-  uniform mat4 camera; uniform float size;
-  out vec3 at; out vec3 turned; out vec3 tint;
+  uniform mat4 camera; uniform float size; uniform float flatten;
+  uniform vec3 eye; uniform float opacity;
+  out vec4 tint;
+  ${LIGHT}
   void main() {
-    at = place + size * position; turned = normal; tint = colour;
+    vec3 at = place + size * position;
+    bool shadow = flatten > -1e5;
+    if (shadow) at.z = flatten;
+    vec3 c = shadow ? vec3(0.07, 0.085, 0.1) : shaded(colour, normal, normalize(eye - at));
+    tint = vec4(c * opacity, opacity);
     gl_Position = camera * vec4(at, 1.0);
   }`, `#version 300 es
-  precision highp float;
-  in vec3 at; in vec3 turned; in vec3 tint;
-  uniform vec3 eye; uniform float opacity;
+  precision mediump float;
+  in vec4 tint;
   out vec4 result;
-  ${LIGHT}
-  void main() { result = vec4(shaded(tint, turned, normalize(eye - at)) * opacity, opacity); }`];
+  void main() { result = tint; }`];
 
 const LINES = [`#version 300 es
-  in vec3 position; in vec3 colour;
+  in vec3 position; in vec4 colour;
   uniform mat4 camera;
-  out vec3 tint;
-  void main() { tint = colour; gl_Position = camera * vec4(position, 1.0); }`, `#version 300 es
-  precision highp float;
-  in vec3 tint;
+  out vec4 tint;
+  void main() { tint = vec4(colour.rgb * colour.a, colour.a); gl_Position = camera * vec4(position, 1.0); }`, `#version 300 es
+  precision mediump float;
+  in vec4 tint;
   out vec4 result;
-  void main() { result = vec4(tint, 1.0); }`];
-
-// The floor: a grid of half metres that fades away from its middle.
-const FLOOR = [`#version 300 es
-  in vec3 position;
-  uniform mat4 camera;
-  out vec3 at;
-  void main() { at = position; gl_Position = camera * vec4(position, 1.0); }`, `#version 300 es
-  precision highp float;
-  in vec3 at;
-  uniform vec2 middle; uniform float reach;
-  out vec4 result;
-  float lines(float cell) {
-    vec2 p = at.xy / cell, d = fwidth(p);
-    vec2 near = abs(fract(p - 0.5) - 0.5) / max(d, 1e-6);
-    return (1.0 - min(min(near.x, near.y), 1.0)) * clamp(0.6 - 1.4 * max(d.x, d.y), 0.0, 1.0);
-  }
-  void main() {
-    float fade = 1.0 - smoothstep(0.25 * reach, reach, distance(at.xy, middle));
-    float line = max(0.35 * lines(0.5), 0.75 * lines(1.0));
-    float a = fade * (0.10 + 0.55 * line);
-    result = vec4(mix(vec3(0.2, 0.235, 0.27), vec3(0.55, 0.62, 0.68), line) * a, a);
-  }`];
+  void main() { result = tint; }`];
 
 const PICTURE = [`#version 300 es
   in vec4 position; in vec2 corner;
@@ -125,6 +77,6 @@ function linked(gl, [vertex, fragment]) {
 
 export function programs(gl) {
   return Object.fromEntries(Object.entries({
-    skin: SKIN, solid: SOLID, lines: LINES, floor: FLOOR, picture: PICTURE,
+    solid: SOLID, lines: LINES, picture: PICTURE,
   }).map(([name, texts]) => [name, linked(gl, texts)]));
 }

@@ -9,7 +9,8 @@ const smooth = (s) => s * s * (3 - 2 * s);
 export class Viewpoint {
   // `changed()` asks for a new picture, `left()` tells that a camera is not looked through any more.
   constructor(canvas, { look_at, eye }, changed, left) {
-    Object.assign(this, { canvas, target: look_at, eye, home: { target: look_at, eye }, changed, left });
+    // Home is as far from the middle of what is followed as the scene was seen from at first.
+    Object.assign(this, { canvas, target: look_at, eye, center: look_at, home: minus(eye, look_at), changed, left });
     this.pinhole = null;
     this.pointers = new Map();
     this.#listen();
@@ -21,9 +22,13 @@ export class Viewpoint {
     if (this.flight) this.#fly(now);
     if (this.through) return multiply(this.pinhole.projection(width, height, 0.05, 200), this.pinhole.view());
     const far = 200 + 4 * norm(minus(this.eye, this.target));
-    // What is high and narrow needs the field of view along its width.
-    const field = 2 * Math.atan(Math.tan(FIELD_OF_VIEW / 2) * Math.max(1, Math.min(height / Math.max(width, 1), 1.35)));
-    return multiply(perspective(field, width / Math.max(height, 1), 0.05, far), lookAt(this.eye, this.target));
+    return multiply(perspective(this.field, width / Math.max(height, 1), 0.05, far), lookAt(this.eye, this.target));
+  }
+
+  // What is high and narrow needs the field of view along its width.
+  get field() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return 2 * Math.atan(Math.tan(FIELD_OF_VIEW / 2) * Math.max(1, Math.min(height / Math.max(width, 1), 1.35)));
   }
 
   // The camera that is looked through, once it is reached.
@@ -45,14 +50,25 @@ export class Viewpoint {
   // Goes back to where the scene was seen from at first.
   goHome() {
     this.#leave();
-    this.#start(this.home.eye, this.home.target);
+    this.#start(add(this.center, this.home), this.center);
   }
 
+  // Shows a ball in space as large as it fits, from the same side.
+  fit(middle, radius) {
+    this.#leave();
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const half = Math.atan(Math.tan(this.field / 2) * Math.min(1, width / Math.max(height, 1)));
+    this.#start(add(middle, scaled(unit(minus(this.eye, this.target)), radius / Math.sin(half))), middle);
+  }
+
+  // Moves along with a point, without taking back what was turned, panned and zoomed.
   follow(point) {
+    const step = minus(point, this.center);
+    this.center = point;
     if (this.pinhole) return;
-    const step = minus(point, this.target);
-    this.target = point;
+    this.target = add(this.target, step);
     this.eye = add(this.eye, step);
+    if (this.flight) for (const ends of [this.flight.from, this.flight.to]) ends.forEach((end, k) => (ends[k] = add(end, step)));
   }
 
   // Where a point of the world is in the canvas, in its pixels; null: behind the viewer.

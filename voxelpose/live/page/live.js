@@ -125,8 +125,8 @@ class Live {
   draw(player) {
     const { renderer, scene, shown } = player;
     const there = this.people.filter(({ there: seen, body }) => shown.person && seen && body);
-    if (!player.viewpoint.through) there.forEach(({ skin }) => renderer.drawShadow(skin, scene.floor_m + 0.002));
-    there.forEach(({ skin }) => renderer.drawSkin(skin));
+    if (!player.viewpoint.through) there.forEach(({ skin }) => renderer.drawShadow(skin.mesh, scene.floor_m + 0.002));
+    there.forEach(({ skin }) => renderer.drawSolid(skin.mesh));
     if (shown.hull && this.hull) renderer.drawSolid(this.hull, POINT);
   }
 

@@ -4,7 +4,7 @@ import re
 from typing import get_args
 
 from calib.errors import InputError, check_name
-from silhouette_core.estimator import Person
+from silhouette_core.estimator import KnownPerson
 from silhouette_core.setting_types import Sex, Stature, checked
 
 MOST_PEOPLE = 6
@@ -33,7 +33,7 @@ def number_of_people(text: str, setting: str = "--people {}", *, auto: bool = Tr
     return int(text)
 
 
-def people_told(text: str, setting: str = "--persons {}") -> tuple[Person, ...]:
+def people_told(text: str, setting: str = "--persons {}") -> tuple[KnownPerson, ...]:
     """Several people as a setting tells of them, one after the other, with name, stature in metres
     and sex as far as they are known: Anna 1.68 female, Ben 1.82.
 
@@ -44,21 +44,20 @@ def people_told(text: str, setting: str = "--persons {}") -> tuple[Person, ...]:
         InputError: a stature is none, or there are more people than are followed.
     """
     people = []
-    for told in re.split("[,;]", text) if text.strip() else []:
-        words = told.split()
+    for words_of in re.split("[,;]", text) if text.strip() else []:
+        words, fault = words_of.split(), setting.format(words_of.strip()[:60])
         sexes: list[Sex] = [sex for w in words for sex in get_args(Sex) if w.lower() == sex]
         numbers = [word for word in words if word[0].isdigit()]
         name = " ".join(w for w in words if w.lower() not in sexes and w not in numbers)
         check_name(name)
         if max(len(sexes), len(numbers)) > 1 or len(name) > _LONGEST_NAME:
             raise InputError(
-                f"{setting.format(told.strip()[:60])} is not one person: give a name, a stature in"
+                f"{fault} is not one person: give a name, a stature in"
                 " metres and a sex of each, with commas between people, as in Anna 1.68 female,"
                 " Ben 1.82"
             )
-        fault = setting.format(told.strip()[:60])
         stature = checked(_number(numbers[0]), Stature, fault) if numbers else None
-        people.append(Person(name, stature, *sexes))
+        people.append(KnownPerson(name, stature, *sexes))
     if len(people) > MOST_PEOPLE:
         raise InputError(f"{setting.format('')} tells of more than {MOST_PEOPLE} people")
     return tuple(people)

@@ -25,7 +25,7 @@ export async function viewStep(studio, state, project, chosen) {
     make("div", { class: "row wrap" }, make("h3", {}, result.name), verdictTag(result), make("small", { class: "note" }, [result.frames, date(result.made)].filter(Boolean).join(", "))),
     result.words !== result.level && make("p", {}, result.words),
     make("div", { class: "row wrap" },
-      make("a", { class: "button main", href: viewerPath(result.name), target: "viewer", "aria-label": `Open the viewer of ${result.name}` }, "Open the viewer"),
+      make("a", { class: "button main", href: viewerPath(result.name), target: `viewer ${result.name}`, "aria-label": `Open the viewer of ${result.name}` }, "Open the viewer"),
       make("a", { class: "button quiet", href: resultLink("export", result) }, "Next: Export")),
     entryActions(studio, result.name, !result.project ? "" : make("a", { class: "button quiet small", href: resultLink("fit", result), title: "Begin with the settings of this result" }, "Again with other settings"))));
   return [

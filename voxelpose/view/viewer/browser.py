@@ -80,7 +80,9 @@ class Browser(GatedServer):
         results += [(one.name, one.motions) for one in self._others]
         several = tuple((name, len(people)) for name, people in results) if self._others else ()
         motions = [motion for _, people in results for motion in people]
-        scene = player_scene(motions, scenes.fps, Stage(scenes.name, rig, frames, several))
+        names = sum((one.names for one in self._others), scenes.names)
+        stage = Stage(scenes.name, rig, frames, names, several)
+        scene = player_scene(motions, scenes.fps, stage)
         return scene | {
             "shown": min(max(self._frame, frames[0]), frames[1] - 1),
             "corrections": [
@@ -88,6 +90,7 @@ class Browser(GatedServer):
             ],
             "people": scenes.people,
             "folder": scenes.title,
+            "recording": "" if scenes.recording is None else scenes.recording.folder.name,
             "limbs": list(scenes.limb_names),
             "far_mm": 10 * OUTLYING_CM,
             "carved": scenes.recording is not None and len(scenes.rig) > 1,

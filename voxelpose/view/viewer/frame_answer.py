@@ -29,7 +29,7 @@ def frame_answer(scene: Scene, pictures: Pictures | None) -> dict[str, Any]:
     """A frame of the page: hull, other poses, what is said about it, and pictures, if wanted."""
     return {
         "frame": scene.frame,
-        "lines": frame_lines(scene),
+        "lines": [{"person": person, "text": text} for person, text in frame_lines(scene)],
         "notes": list(scene.notes),
         "hull": None if scene.hull is None else _hull(scene.hull),
         "hypotheses": other_poses(
@@ -89,6 +89,7 @@ def _hull(hull: CarvedHull) -> dict[str, Any]:
         "at_vertex": numbers(outer.at_vertex),
         "voxels": packed(outer.centres_m.astype(np.float32)),
         "part": packed(outer.part.astype(np.int16)),
+        "person": packed(outer.person.astype(np.int8)),
         "cameras": numbers(outer.cameras),
         "far_mm": packed(np.minimum(far, _FARTHEST_MM).astype(np.uint16)),
     }

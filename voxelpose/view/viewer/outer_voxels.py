@@ -11,28 +11,51 @@ from voxelpose.multiview.carving.observe import FrameObservation
 
 
 @dataclass(frozen=True, eq=False)
+class NearestBodies:
+    """What lies next to the occupied voxels of a hull, (nx, ny, nz) each."""
+
+    person: NDArray[np.int8]  # number of the fitted body; -1: the voxel is free, or there is none
+    part: NDArray[np.int16]  # its part; -1 likewise
+    distance_m: NDArray[np.float64]  # from the inside of that; inf likewise
+
+    @classmethod
+    def of_hull(
+        cls, observation: FrameObservation, bodies: Sequence[Sequence[NDArray[np.float64]]]
+    ) -> "NearestBodies":
+        """Those of an observed hull; of each body P arrays (n, 3) of points that fill its parts,
+        world, m; none of who is lost.
+        """
+        occupancy = observation.occupancy
+        person, part = np.full(occupancy.shape, -1, np.int8), np.full(occupancy.shape, -1, np.int16)
+        distance = np.full(occupancy.shape, np.inf)
+        parts = [(k, p, points) for k, body in enumerate(bodies) for p, points in enumerate(body)]
+        if parts:
+            owner = np.repeat([(k, p) for k, p, _ in parts], [len(each) for *_, each in parts], 0)
+            tree = KDTree(np.concatenate([points for *_, points in parts]))
+            centres = observation.grid.centres(np.argwhere(occupancy))
+            distance[occupancy], nearest = tree.query(centres)
+            person[occupancy], part[occupancy] = owner[nearest].T
+        return cls(person, part, distance)
+
+
+@dataclass(frozen=True, eq=False)
 class OuterVoxels:
     """Occupied voxels that touch one that is not."""
 
     centres_m: NDArray[np.float64]  # (n, 3), world
     cameras: NDArray[np.int64]  # (n,), how many see it, with nothing of the hull before it
-    part: NDArray[np.int64]  # (n,), part of the fitted bodies next to it; -1: there is no body
-    distance_m: NDArray[np.float64]  # (n,), from the inside of that; inf: there is no body
+    # What is next to it, (n,) each, see `NearestBodies`.
+    person: NDArray[np.int8]
+    part: NDArray[np.int16]
+    distance_m: NDArray[np.float64]
     at_vertex: NDArray[np.int64]  # (V,), the voxel next to each vertex of the surface
 
     @classmethod
     def from_hull(
-        cls,
-        observation: FrameObservation,
-        vertices_m: NDArray[np.float64],
-        bodies: Sequence[Sequence[NDArray[np.float64]]],
+        cls, observation: FrameObservation, vertices_m: NDArray[np.float64], bodies: NearestBodies
     ) -> "OuterVoxels":
-        """Outer voxels of an observed hull, which is not empty.
-
-        Args:
-            observation: the hull and the silhouettes.
-            vertices_m: (V, 3) of its surface, world.
-            bodies: of each, P arrays (n, 3) of points that fill its parts, world, m.
+        """Outer voxels of an observed hull, which is not empty; its surface has vertices (V, 3),
+        world, m.
         """
         padded = np.pad(observation.occupancy, 1)
         inner = padded.copy()
@@ -40,16 +63,16 @@ class OuterVoxels:
             inner &= np.roll(padded, 1, axis) & np.roll(padded, -1, axis)
         outer = np.argwhere((padded & ~inner)[1:-1, 1:-1, 1:-1])
         centres = observation.grid.centres(outer)
-        part, distance = np.full(len(outer), -1), np.full(len(outer), np.inf)
-        if bodies:
-            points = np.concatenate([points for parts in bodies for points in parts])
-            owner = np.concatenate(
-                [np.full(len(points), p) for parts in bodies for p, points in enumerate(parts)]
-            )
-            distance, nearest = KDTree(points).query(centres)
-            part, distance = owner[nearest], np.asarray(distance, float)
+        index = tuple(outer.T)
         at_vertex = np.asarray(KDTree(centres).query(vertices_m)[1], np.int64)
-        return cls(centres, _seen_by(observation, centres), part, distance, at_vertex)
+        return cls(
+            centres,
+            _seen_by(observation, centres),
+            bodies.person[index],
+            bodies.part[index],
+            bodies.distance_m[index],
+            at_vertex,
+        )
 
 
 def _seen_by(observation: FrameObservation, points_m: NDArray[np.float64]) -> NDArray[np.int64]:

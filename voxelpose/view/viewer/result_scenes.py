@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from calib.camera import Rig
 from calib.errors import InputError
@@ -29,13 +28,12 @@ from voxelpose.multiview.matching.matcher import LimbArea, movable_areas
 from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.multiview.tuning import CARVING
-from voxelpose.people_marks import person_names
 from voxelpose.recording.folder import Recording, open_readers
 from voxelpose.recording.input_digests import changes_since
-from voxelpose.results import Result, corrections_home, is_result, open_people
+from voxelpose.results import Result, corrections_home, is_result, names_of, open_people
 from voxelpose.view.images.figure import PartPoses, skeleton_bones, skeleton_joints
 from voxelpose.view.viewer.legend import display_name
-from voxelpose.view.viewer.outer_voxels import OuterVoxels
+from voxelpose.view.viewer.outer_voxels import NearestBodies, OuterVoxels
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
 
 _KEPT = 24  # frames whose scenes stay in memory
@@ -89,6 +87,7 @@ class OtherResult:
 
     name: str
     motions: tuple[Motion, ...]
+    names: tuple[str, ...]
 
     @classmethod
     def open(cls, folder: Path, fps: float) -> "OtherResult":
@@ -102,7 +101,11 @@ class OtherResult:
                 f"{folder} has {motion.fps:g} frames per second and the first result {fps:g}: show"
                 " results of one recording side by side"
             )
-        return cls(folder.resolve().name, tuple(one.motion.upright() for one in results))
+        return cls(
+            folder.resolve().name,
+            tuple(one.motion.upright() for one in results),
+            tuple(names_of(results)),
+        )
 
 
 class ResultScenes:
@@ -128,6 +131,7 @@ class ResultScenes:
         self.recording: Recording | None = None
         self.missing = self.changed = ""  # why the recording is, and what did since the fit
         self.motions: tuple[Motion, ...] = ()  # everybody's poses; none for a recording alone
+        self.names: tuple[str, ...] = ()  # of people, as long as the motions
         settings: Mapping[str, Any] = {}
         self.facts: Mapping[str, Any] = {}  # what the fit noted in summary.json
         self._hypotheses: Mapping[int, tuple[Hypothesis, ...]] = {}
@@ -140,6 +144,7 @@ class ResultScenes:
             settings, self.facts = result.settings, result.summary["facts"]  # type: ignore[assignment]
             frame = result.motion.upright_frame
             self.motions = tuple(one.motion.upright() for one in results)
+            self.names = tuple(names_of(results))
             self.rig, self.fps = frame.rig(result.rig), result.motion.fps
             tree = result.motion.model.tree
             self._hypotheses = {
@@ -250,7 +255,7 @@ class ResultScenes:
         if self.motions and not posed:
             notes.append("no pose was found in this frame")
         elif len(posed) < len(people):
-            names = zip(person_names(len(people)), people, strict=True)
+            names = zip(self.names, people, strict=True)
             lost = [display_name(name) for name, camera_frame in names if camera_frame is None]
             notes.append(f"no pose of {', '.join(lost)} was found in this frame")
         if self.recording is not None and frame not in self.recording.numbers:
@@ -260,11 +265,18 @@ class ResultScenes:
                 share = 100 * camera_frame.unknown.mean()
                 notes.append(f"{share:.0f} % of {camera_frame.camera.name} is marked as unknown")
         observation = self._observe(camera_frames, posed, notes)
-        hull = None if observation is None else _hull(observation, posed)
+        hull = None if observation is None else _hull(observation, people)
         time_s = self.time_s.get(frame, frame / self.fps)
         hypotheses = self._hypotheses.get(frame, ())
         scene = Scene(
-            frame, time_s, camera_frames, hull, self.bodies(frame), hypotheses, tuple(notes)
+            frame,
+            time_s,
+            camera_frames,
+            hull,
+            self.bodies(frame),
+            self.names,
+            hypotheses,
+            tuple(notes),
         )
         return scene, observation
 
@@ -313,24 +325,22 @@ class ResultScenes:
         return {area.limb.name: area for area in areas}
 
 
-def _hull(observation: FrameObservation, posed: Sequence[tuple[FittedBody, int]]) -> CarvedHull:
+def _hull(
+    observation: FrameObservation, people: Sequence[tuple[FittedBody, int] | None]
+) -> CarvedHull:
     """Surface of an observed hull, and the voxels that bodies in rows leave unexplained."""
     grid, occupancy = observation.grid, observation.occupancy
     vertices, faces = surface(*grid.cropped(occupancy))
-    unexplained, distance = np.zeros((0, 3)), np.zeros(0)
-    bodies = [fitted.points(row) for fitted, row in posed]
-    if posed:
-        free = occupancy.copy()
-        for fitted, row in posed:
-            unexplained_voxels = np.zeros_like(free)
-            quality = assess(fitted.volume, fitted.pose(row), observation)
-            unexplained_voxels[tuple(quality.unexplained_voxels.T)] = True
-            free &= unexplained_voxels
-        unexplained = grid.centres(np.argwhere(free))
-        points = np.concatenate([points for parts in bodies for points in parts])
-        distance = np.asarray(KDTree(points).query(unexplained)[0], float)
+    unexplained = occupancy.copy() if any(people) else np.zeros_like(occupancy)
+    for fitted, row in filter(None, people):
+        left = np.zeros_like(occupancy)
+        quality = assess(fitted.volume, fitted.pose(row), observation)
+        left[tuple(quality.unexplained_voxels.T)] = True
+        unexplained &= left
+    points = [posed[0].points(posed[1]) if posed else [] for posed in people]
+    bodies = NearestBodies.of_hull(observation, points)
     outer = OuterVoxels.from_hull(observation, vertices, bodies)
-    return CarvedHull(grid, occupancy, vertices, faces, unexplained, distance, outer)
+    return CarvedHull(grid, occupancy, vertices, faces, unexplained, bodies, outer)
 
 
 def open_fitted_recording(

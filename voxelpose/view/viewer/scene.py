@@ -17,13 +17,12 @@ from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scal
 from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
-from voxelpose.people_marks import person_names
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.tuning import REPORT
 from voxelpose.view.images.canvas import Colour, hatched, reduced
 from voxelpose.view.viewer import legend
-from voxelpose.view.viewer.outer_voxels import OuterVoxels
+from voxelpose.view.viewer.outer_voxels import NearestBodies, OuterVoxels
 
 Pictures = Literal["both", "picture", "silhouette"]
 PICTURE_PX = 480
@@ -52,11 +51,19 @@ class CarvedHull:
     occupancy: NDArray[np.bool_]  # (nx, ny, nz) bool
     vertices_m: NDArray[np.float64]  # (V, 3) float64, vertices of its surface in the world
     faces: NDArray[np.int64]  # (F, 3) int64, triangles of its surface
-    # (n, 3) float64, centres of the voxels that no part of the fitted body covers.
-    unexplained_m: NDArray[np.float64]
-    # (n,) float64, distance of each of those from the inside of the body.
-    distance_m: NDArray[np.float64]
+    unexplained: NDArray[np.bool_]  # (nx, ny, nz) bool, voxels that no part of a body covers
+    nearest: NearestBodies  # bodies next to the voxels
     outer: OuterVoxels  # those at the surface
+
+    @property
+    def unexplained_m(self) -> NDArray[np.float64]:
+        """Centres (n, 3), metres, of unexplained voxels."""
+        return self.grid.centres(np.argwhere(self.unexplained))
+
+    @property
+    def far(self) -> NDArray[np.bool_]:
+        """Unexplained voxels (nx, ny, nz) that lie outside of every body's surroundings."""
+        return self.unexplained & (self.nearest.distance_m > legend.OUTLYING_CM / 100)
 
     def litres(self, voxels: NDArray[np.bool_]) -> float:
         """Volume of the true ones of some voxels, litres."""
@@ -86,6 +93,7 @@ class Scene:
     hull: CarvedHull | None  # None without silhouettes of two cameras
     # Of everybody that was fitted; None where no pose was found.
     bodies: tuple[BodyState | None, ...]
+    names: tuple[str, ...]  # of everybody
     # Other poses that one camera leaves open, the likeliest first.
     hypotheses: tuple[Hypothesis, ...]
     notes: tuple[str, ...]  # what is missing, in words
@@ -96,20 +104,24 @@ class Scene:
         return any(body is not None for body in self.bodies)
 
 
-def frame_lines(scene: Scene) -> list[str]:
-    """Description of a frame, in lines; what is missing is in its notes."""
-    lines: list[str] = []
-    names = person_names(len(scene.bodies)) if len(scene.bodies) > 1 else [""]
-    for name, body in zip(names, scene.bodies, strict=False):
-        whose = f"{legend.display_name(name).capitalize()}: " if name else ""
-        lines += [whose + words for words in _body_words(body)]
-    if scene.hull is not None:
-        lines.append(f"Hull {scene.hull.litres(scene.hull.occupancy):.0f} litres.")
-        if scene.is_posed:
-            far = scene.hull.litres(scene.hull.distance_m > legend.OUTLYING_CM / 100)
-            lines.append(f"{far:.0f} litres of it are {legend.FAR}.")
+def frame_lines(scene: Scene) -> list[tuple[int | None, str]]:
+    """Description of a frame, in lines, each with the number of the one of several people whom it
+    is about, or None; what is missing is in its notes.
+    """
+    hull, several = scene.hull, len(scene.bodies) > 1
+    lines = list[tuple[int | None, str]]()
+    for k, (name, body) in enumerate(zip(scene.names, scene.bodies, strict=True)):
+        words = [*_body_words(body)]
+        if body is not None and hull is not None:
+            near = hull.nearest.person == k
+            words.append(f"Hull {hull.litres(near):.0f} litres.")
+            words.append(f"{hull.litres(near & hull.far):.0f} litres of it are {legend.FAR}.")
+        whose = f"{name[:1].upper()}{legend.display_name(name[1:])}: " if several else ""
+        lines += [(k if several else None, whose + each) for each in words]
+    if hull is not None and not scene.is_posed:
+        lines.append((None, f"Hull {hull.litres(hull.occupancy):.0f} litres."))
     lines += [
-        f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %"
+        (None, f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %")
         for hypothesis in scene.hypotheses
     ]
     return lines

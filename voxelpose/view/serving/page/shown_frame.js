@@ -22,7 +22,7 @@ export function otherPoses(renderer, hypotheses, before) {
 
 // Takes over a picture, which is not needed any more then.
 export function filmed(renderer, camera, image) {
-  camera.texture ??= renderer.texture(true);
+  camera.texture ??= renderer.texture();
   renderer.picture(camera.texture, image);
   image.close();
 }

@@ -60,13 +60,17 @@ export class Hull {
     const parts = this.state.bodies[0]?.parts.length ?? 0;
     const tints = new Uint8Array(voxels.length);
     for (let k = 0; k < voxels.length / 3; k++) tints.set(this.colour(k, parts), 3 * k);
+    // What is next to somebody who is hidden is hidden, too.
+    const hidden = (voxel) => player.people[this.sent.person[voxel]] === false;
     if (this.style !== "surface") {
-      this.mesh = renderer.crowd(this.style === "cubes" ? CUBE : BALL, voxels, tints);
+      const shown = (numbers) => numbers.filter((_, k) => !hidden(Math.floor(k / 3)));
+      this.mesh = renderer.crowd(this.style === "cubes" ? CUBE : BALL, shown(voxels), shown(tints));
       return;
     }
     const colours = new Uint8Array(vertices.length);
     atVertex.forEach((voxel, k) => colours.set(tints.subarray(3 * voxel, 3 * voxel + 3), 3 * k));
-    this.mesh = renderer.surface(vertices, normalsOf(vertices, faces), colours, faces);
+    const shown = player.people.includes(false) ? faces.filter((_, k) => !hidden(atVertex[faces[k - (k % 3)]])) : faces;
+    this.mesh = renderer.surface(vertices, normalsOf(vertices, faces), colours, shown);
   }
 
   // With a body inside, the hull lets it shine through.

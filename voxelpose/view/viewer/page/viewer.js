@@ -49,8 +49,18 @@ class Viewer {
     this.player = new Player(document.body, state, this);
     if (state.corrections) part("reach").after(new Corrections(state, this.player.timeline).section);
     this.player.timeline.loaded = (index) => this.store.has(state.first + index);
+    this.#linkBack();
     this.changed();
     this.area();
+  }
+
+  // To the studio, whose page shows this one below an address of its own.
+  #linkBack() {
+    const [, studio, result] = /^(.*\/)view\/(.+)\/-\/$/.exec(location.pathname) ?? [];
+    if (!studio) return;
+    const project = result.includes("/") ? "" : this.state.recording;
+    const address = `${studio}#view/${encodeURIComponent(project)}/${encodeURIComponent(decodeURIComponent(result))}`;
+    document.querySelector("h1").before(make("a", { href: address, target: "_top" }, "← Studio"));
   }
 
   layers(player) {
@@ -79,12 +89,14 @@ class Viewer {
     const { player, store } = this;
     if (!player) return;
     const { frame, playing } = player.timeline;
-    store.want(frame, playing ? this.state.fps * player.timeline.speed : 0, this.state);
-    if (store.has(frame)) this.use(frame);
+    if (!this.waits) {
+      store.want(frame, playing ? this.state.fps * player.timeline.speed : 0, this.state);
+      if (store.has(frame)) this.use(frame);
+    }
     if (!playing) {
       if (this.part) this.area();
       this.backdropPicture();
-    }
+    } else if (this.part) part("reach").querySelector(".note").textContent = "";
     this.tell();
   }
 
@@ -108,8 +120,6 @@ class Viewer {
     this.hull.take(answer.hull, this.player);
     this.others = otherPoses(this.player.renderer, answer.hypotheses, this.others);
     this.player.redraw();
-    const lines = answer.lines.map((line) => make("p", {}, line));
-    part("lines").replaceChildren(...lines, ...answer.notes.map((note) => make("p", { class: "warning" }, `⚠ ${note}`)), this.link(frame));
     const { cameras, renderer } = this.player;
     const images = await Promise.all(cameras.map(({ name }) => {
       const sent = answer.pictures[name];
@@ -132,17 +142,46 @@ class Viewer {
   tell() {
     const { timeline } = this.player;
     const lost = this.store.lost === timeline.frame;  // the banner says why
-    part("follows").hidden = !this.state.filmed || this.used === timeline.frame || lost;
-    part("follows").textContent = timeline.playing ? "hull and pictures follow as they are carved" : "carving this frame …";
+    part("follows").hidden = !this.state.filmed || lost || (this.used === timeline.frame && !this.waits);
+    part("follows").textContent = this.waits ? "hull and pictures come back with a pause: there is no graphics card here"
+      : timeline.playing ? "hull and pictures follow as they are carved" : "carving this frame …";
+    this.#numbers();
+  }
+
+  // What is said about the shown frame, and about no other one.
+  #numbers() {
+    const { timeline, people } = this.player;
+    const told = !timeline.playing && this.store.has(timeline.frame) ? timeline.frame : null;
+    const key = `${told} ${timeline.playing} ${people}`;
+    if (key === this.toldKey) return;
+    this.toldKey = key;
+    if (told === null) return part("lines").replaceChildren(make("p", {}, timeline.playing ? "A pause shows the numbers of its frame." : "…"));
+    const { lines, notes } = this.store.get(told);
+    part("lines").replaceChildren(
+      ...lines.filter(({ person }) => person === null || people[person]).map(({ text }) => make("p", {}, text)),
+      ...notes.map((note) => make("p", { class: "warning" }, `⚠ ${note}`)), this.link(told));
+  }
+
+  // Somebody is shown or hidden, with hull and numbers.
+  persons() {
+    this.hull.build(this.player);
+    this.tell();
+  }
+
+  // While all is drawn by the processor, only what was sent once plays.
+  get waits() {
+    return this.player.renderer.slow && this.player.timeline.playing;
   }
 
   // Whether hull and pictures are of another moment than the shown one: they would be beside the body.
   late() {
     const { timeline, scene } = this.player;
-    return Math.abs(timeline.frame - this.used) > (timeline.playing ? LATE_S * scene.fps : 0);
+    return this.waits || Math.abs(timeline.frame - this.used) > (timeline.playing ? LATE_S * scene.fps : 0);
   }
 
-  pictures = drawPictures;
+  pictures(player) {
+    if (!this.waits) drawPictures(player);
+  }
 
   // Behind the scene, through a camera: its picture, with the outlines of the bodies.
   backdrop(player, camera) {
@@ -205,8 +244,8 @@ class Viewer {
 
   over(player) {
     const size = 0.8 * (this.hull.size ?? 0.02);
-    if (this.part) this.areas?.forEach((mesh) => mesh.instances && player.renderer.drawSolid(mesh, size));
-    if (player.shown.hypotheses && this.others) player.renderer.drawSolid(this.others);
+    if (this.areaKey === `${this.part} ${player.timeline.frame}`) this.areas?.forEach((mesh) => mesh.instances && player.renderer.drawSolid(mesh, size));
+    if (player.shown.hypotheses && this.others && !this.late()) player.renderer.drawSolid(this.others);
   }
 
   draw(player) {
