@@ -6,6 +6,7 @@ import ast
 import re
 import tomllib
 from collections import defaultdict
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,9 +27,15 @@ def modules() -> list[Path]:
     )
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    """Return the syntax of a module, relative to the repository."""
+    return ast.parse((ROOT / path).read_text(encoding="utf-8"))
+
+
 def body(path: Path) -> list[ast.stmt]:
     """Return the statements of a module."""
-    return ast.parse((ROOT / path).read_text(encoding="utf-8")).body
+    return tree(path).body
 
 
 def tuned_numbers() -> list[tuple[str, str]]:
@@ -79,7 +86,7 @@ def test_what_is_imported_of_ours_is_there():
         f"{path.relative_to(ROOT)}: {node.module} {name.name}"
         for folder in (*PACKAGES, "benchmarks", "examples", "papers", "tests", "tools")
         for path in (ROOT / folder).rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(tree(path.relative_to(ROOT)))
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in ours
         for name in node.names
         if not is_there(ROOT.joinpath(*node.module.split(".")), name.name)
@@ -92,7 +99,13 @@ def is_there(module: Path, name: str) -> bool:
     if (module / name).is_dir() or (module / f"{name}.py").exists():
         return True
     file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
-    return file.exists() and re.search(rf"\b{name}\b", file.read_text("utf-8")) is not None
+    return file.exists() and name in words_of(file)
+
+
+@cache
+def words_of(file: Path) -> frozenset[str]:
+    """Return the words of a file."""
+    return frozenset(re.findall(r"\w+", file.read_text("utf-8")))
 
 
 def test_no_file_name_is_used_twice_in_a_package():
@@ -124,7 +137,7 @@ def test_data_is_named_by_what_it_is():
     assert not [
         f"{path}:{node.lineno}: {name}"
         for path in modules()
-        for node in ast.walk(ast.parse((ROOT / path).read_text(encoding="utf-8")))
+        for node in ast.walk(tree(path))
         if isinstance(node, ast.arg | ast.Name)
         and not isinstance(getattr(node, "ctx", None), ast.Load)
         and (name := node.arg if isinstance(node, ast.arg) else node.id).strip("_") in VAGUE

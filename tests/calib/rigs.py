@@ -1,8 +1,13 @@
 """Rigs for tests."""
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from calib.camera import Camera, Rig
+from calib.errors import InputError
+from calib.files import read_rig
 from calib.rotation import matrix_from_rodrigues
 
 PINHOLE = ((), False)
@@ -51,3 +56,12 @@ def assert_same_rig(left: Rig, right: Rig, atol: float = 1e-14) -> None:
         np.testing.assert_allclose(a.matrix, b.matrix, rtol=atol)
         np.testing.assert_allclose(a.rotation, b.rotation, atol=atol)
         np.testing.assert_allclose(a.translation, b.translation, atol=atol)
+
+
+def refusal(path: Path, **known) -> str:
+    """Returns the one line with which a file is refused."""
+    with pytest.raises(InputError) as caught:
+        read_rig(path, **known)
+    message = str(caught.value)
+    assert "\n" not in message and str(path) in message
+    return message

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from rigs import BENT, FISHEYE, PINHOLE, PRISM, RATIONAL, assert_same_rig, some_rig
+from rigs import BENT, FISHEYE, PINHOLE, PRISM, RATIONAL, assert_same_rig, refusal, some_rig
 
 from calib.errors import InputError
 from calib.files import read_rig, write_rig
@@ -32,16 +32,6 @@ def write(folder: Path, text: str, name: str = "calibration.toml") -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
-
-
-def refusal(path: Path, **known) -> str:
-    """Returns the one line with which a file is refused."""
-    with pytest.raises(InputError) as caught:
-        read_rig(path, **known)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert str(path) in message
-    return message
 
 
 @pytest.mark.parametrize("name", ["rig.toml", "rig.yml", "rig.yaml", "rig.xml", "rig.json"])

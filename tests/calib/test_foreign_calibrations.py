@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rigs import refusal
 from scipy.io import savemat
 from scipy.spatial.transform import Rotation
 
@@ -53,14 +54,6 @@ def assert_seen(path: Path, expected, atol=1e-6, **known) -> None:
         seen, depth = camera.project(points(number))
         assert (depth > 0).all()
         np.testing.assert_allclose(seen, expected(number), atol=atol)
-
-
-def refusal(path: Path, **known) -> str:
-    with pytest.raises(InputError) as caught:
-        read_rig(path, **known)
-    message = str(caught.value)
-    assert "\n" not in message and str(path) in message
-    return message
 
 
 def corner_pixels(number: int) -> np.ndarray:

@@ -145,45 +145,33 @@ def test_fit_writes_and_says_where(desk):
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["fit", "run", "--out", "x"], "run is not a recording"),
-        (["fit", "walk", "--out", "x", "--frames", "a:b"], "--frames a:b is not understood"),
-        (["fit", "walk", "--out", "x", "--frames", "4:9"], "frames 4:9 are not in the recording"),
+        ("fit run --out x", "run is not a recording"),
+        ("fit walk --out x --frames a:b", "--frames a:b is not understood"),
+        ("fit walk --out x --frames 4:9", "frames 4:9 are not in the recording"),
+        ("fit walk --out x --estimator telepathy", "no estimator is called 'telepathy'"),
+        ("fit walk --out x --backend abacus", "no backend is called 'abacus': installed are cpu"),
         (
-            ["fit", "walk", "--out", "x", "--estimator", "telepathy"],
-            "no estimator is called 'telepathy'",
-        ),
-        (
-            ["fit", "walk", "--out", "x", "--backend", "abacus"],
+            "track walk --camera cam_1 --out x --backend abacus",
             "no backend is called 'abacus': installed are cpu",
         ),
+        ("network install --from no.whl", "no.whl cannot be read"),
+        ("fit walk --out walk --estimator standing", "walk lies in the recording"),
+        ("fit walk --out site --estimator standing", "site exists"),
         (
-            ["track", "walk", "--camera", "cam_1", "--out", "x", "--backend", "abacus"],
-            "no backend is called 'abacus': installed are cpu",
-        ),
-        (["network", "install", "--from", "no.whl"], "no.whl cannot be read"),
-        (["fit", "walk", "--out", "walk", "--estimator", "standing"], "walk lies in the recording"),
-        (["fit", "walk", "--out", "site", "--estimator", "standing"], "site exists"),
-        (
-            ["fit", "walk", "--out", "site", "--estimator", "standing", "--overwrite"],
+            "fit walk --out site --estimator standing --overwrite",
             "site exists and was not made by this command",
         ),
-        (["fit", "walk", "--out", "x", "--cameras", "cam_1,cam_7"], "there is no camera cam_7"),
-        (["fit", "walk", "--out", "x", "--cameras", ","], "--cameras names none"),
-        (
-            ["carve", "walk", "--out", "x.ply", "--frame", "99"],
-            "frames 99:100 are not in the recording",
-        ),
-        (["carve", "walk", "--out", "x.ply"], "no foreground in any camera"),
-        (
-            ["carve", "walk", "--out", "x.ply", "--tolerance", "-1"],
-            "--tolerance = '-1' must be a whole",
-        ),
-        (["evaluate", "walk", "truth.json"], "truth.json cannot be read"),
-        (["sing"], "there is no command 'sing'"),
+        ("fit walk --out x --cameras cam_1,cam_7", "there is no camera cam_7"),
+        ("fit walk --out x --cameras ,", "--cameras names none"),
+        ("carve walk --out x.ply --frame 99", "frames 99:100 are not in the recording"),
+        ("carve walk --out x.ply", "no foreground in any camera"),
+        ("carve walk --out x.ply --tolerance -1", "--tolerance = '-1' must be a whole"),
+        ("evaluate walk truth.json", "truth.json cannot be read"),
+        ("sing", "there is no command 'sing'"),
     ],
 )
 def test_a_users_mistake_is_one_line_and_code_2(desk, capsys, words, line):
-    assert run(words) == 2
+    assert run(words.split()) == 2
     captured = capsys.readouterr()
     message = captured.err.splitlines()[-1]
     assert message.startswith("voxelpose: ")
@@ -193,17 +181,11 @@ def test_a_users_mistake_is_one_line_and_code_2(desk, capsys, words, line):
 
 
 @pytest.mark.parametrize(
-    "words",
-    [
-        ["fit"],
-        ["fit", "walk"],
-        ["fit", "walk", "--out", "x", "--stature", "tall"],
-        ["fit", "walk", "--colour"],
-    ],
+    "words", ["fit", "fit walk", "fit walk --out x --stature tall", "fit walk --colour"]
 )
 def test_wrong_arguments_end_with_code_2(words, capsys):
     with pytest.raises(SystemExit) as end:
-        run(words)
+        run(words.split())
     assert end.value.code == 2
     assert capsys.readouterr().err
 

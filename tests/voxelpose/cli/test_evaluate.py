@@ -109,23 +109,17 @@ def test_truth_of_the_recording_that_was_fitted(fitted, desk, capsys):
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["one"], "one does not say which recording it is of"),
-        (
-            ["one", "two", "--truth", "truth.json", "truth.json", "truth.json"],
-            "2 results and 3 truths",
-        ),
-        (
-            ["one", "--truth", "truth.trc", "--markers", "nose=Nose"],
-            "--markers nose=Nose is not understood",
-        ),
-        (["one", "--truth", "truth.trc", "--markers", "neck=C7"], "has no marker 'C7'"),
-        (["one", "--truth", "truth.trc", "--axes", "up"], "--axes up is not understood"),
-        (["one", "--truth", "nothing.trc"], "nothing.trc cannot be read"),
-        ([], "no result is named"),
+        ("one", "one does not say which recording it is of"),
+        ("one two --truth truth.json truth.json truth.json", "2 results and 3 truths"),
+        ("one --truth truth.trc --markers nose=Nose", "--markers nose=Nose is not understood"),
+        ("one --truth truth.trc --markers neck=C7", "has no marker 'C7'"),
+        ("one --truth truth.trc --axes up", "--axes up is not understood"),
+        ("one --truth nothing.trc", "nothing.trc cannot be read"),
+        ("", "no result is named"),
     ],
 )
 def test_mistakes(results, capsys, words, line):
-    assert run(["evaluate", *words]) == 2
+    assert run(["evaluate", *words.split()]) == 2
     assert line in capsys.readouterr().err
 
 

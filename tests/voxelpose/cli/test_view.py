@@ -69,32 +69,26 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["view", "out", "--open3d"], "no screen"),
+        ("view out --open3d", "no screen"),
+        ("view out --frame 0 --png x.png", "frame 0 has no pose in out: choose one from 1 to 2"),
+        ("view walk --video x.webm", "walk is a recording without a fit"),
+        ("view out --voxel 0.05 --video gone/x.webm", "gone/x.webm cannot be written"),
+        ("view out --voxel 3 --png x.png", "--voxel = '3.0' must be a number"),
+        ("view", "name the folder of a result, or a recording"),
+        ("view out out --png x.png", "only the browser shows several results"),
+        ("view out walk --no-browser", "walk is not a result of voxelpose"),
+        ("view walk out --no-browser", "walk is no result: only results stand"),
+        ("view nowhere --png x.png", "nowhere is not a recording"),
         (
-            ["view", "out", "--frame", "0", "--png", "x.png"],
-            "frame 0 has no pose in out: choose one from 1 to 2",
-        ),
-        (["view", "walk", "--video", "x.webm"], "walk is a recording without a fit"),
-        (
-            ["view", "out", "--voxel", "0.05", "--video", "gone/x.webm"],
-            "gone/x.webm cannot be written",
-        ),
-        (["view", "out", "--voxel", "3", "--png", "x.png"], "--voxel = '3.0' must be a number"),
-        (["view"], "name the folder of a result, or a recording"),
-        (["view", "out", "out", "--png", "x.png"], "only the browser shows several results"),
-        (["view", "out", "walk", "--no-browser"], "walk is not a result of voxelpose"),
-        (["view", "walk", "out", "--no-browser"], "walk is no result: only results stand"),
-        (["view", "nowhere", "--png", "x.png"], "nowhere is not a recording"),
-        (
-            ["view", "out", "--recording", "moved", "--png", "x.png"],
+            "view out --recording moved --png x.png",
             "the recording moved of this result is not there",
         ),
-        (["view", "out", "--voxel", "0.05", "--png", "gone/x.png"], "gone/x.png cannot be written"),
+        ("view out --voxel 0.05 --png gone/x.png", "gone/x.png cannot be written"),
     ],
 )
 def test_mistakes(fitted, capsys, words, line):
     if "--open3d" in words and not sys.platform.startswith("linux"):
         pytest.skip("only Linux tells whether there is a screen")
-    assert run(words) == 2
+    assert run(words.split()) == 2
     assert line in capsys.readouterr().err.splitlines()[-1]
     assert not (fitted / "x.png").exists()
