@@ -15,19 +15,6 @@ from calib.storage.atomic import write_whole
 if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
 
-PAPERS_M = {
-    name: (short / 10_000, long / 10_000)
-    for name, short, long in (
-        ("a4", 2100, 2970),
-        ("a3", 2970, 4200),
-        ("a2", 4200, 5940),
-        ("a1", 5940, 8410),
-        ("a0", 8410, 11890),
-        ("letter", 2159, 2794),
-        ("tabloid", 2794, 4318),
-    )
-}
-"""Width and height in portrait orientation, m."""
 _MARGIN_M = 8 / 1000  # printers leave about 5 mm; boards are found by the white around them
 _FOOT_M = 12 / 1000
 _RULER_M = 1 / 10
@@ -35,9 +22,7 @@ _RULER_M = 1 / 10
 
 def largest_square_m(columns: int, rows: int, paper: str) -> float:
     """Longest side of a square, m, in whole millimetres, at which a board fits a paper size.
-
-    Args:
-        paper: A key of `PAPERS_M`.
+    `paper`: its name, such as a4 or letter.
     """
     return max(_square_that_fits(columns, rows, page) for page in _pages(paper))
 
@@ -49,9 +34,10 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
 
     Args:
         path: The file. A failure leaves no partial file.
-        paper: A key of `PAPERS_M`, portrait or landscape as the board fits better; None for a page
+        paper: Its name, such as a4; portrait or landscape as the board fits better; None for a page
             of the size that the board needs.
     """
+    from reportlab.lib.units import mm
     from reportlab.pdfgen.canvas import Canvas
 
     columns, rows, square = board.columns + 1, board.rows + 1, board.square_m
@@ -72,11 +58,10 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
         (page[0] - columns * square) / 2,
         _FOOT_M + (page[1] - _FOOT_M - rows * square) / 2,
     )
-    points_per_m = 72 / 0.0254
-    width, height = (length * points_per_m for length in page)
+    width, height = (length * 1000 * mm for length in page)
     sheet = io.BytesIO()
     canvas = Canvas(sheet, pagesize=(width, height), pageCompression=0, invariant=1)
-    canvas.scale(points_per_m, points_per_m)
+    canvas.scale(1000 * mm, 1000 * mm)
     for x, y, side_x, side_y, level in _rectangles(board):
         canvas.setFillGray(level)
         canvas.rect(left + x, bottom + rows * square - y - side_y, side_x, side_y, stroke=0, fill=1)
@@ -92,8 +77,11 @@ def write_pdf(board: Board, path: Path, paper: str | None = None) -> tuple[float
 
 
 def _pages(paper: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """A paper size in portrait and landscape orientation."""
-    short, long = PAPERS_M[paper]
+    """Width and height, m, of a paper size in portrait and landscape orientation."""
+    from reportlab.lib import pagesizes
+    from reportlab.lib.units import mm
+
+    short, long = (side / (1000 * mm) for side in getattr(pagesizes, paper.upper()))
     return (short, long), (long, short)
 
 

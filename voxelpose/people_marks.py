@@ -1,9 +1,13 @@
 """Names and colours of several people, one after the other."""
 
-COLOURS: tuple[tuple[int, int, int], ...] = (
-    *((255, 200, 66), (220, 120, 230), (90, 210, 120)),
-    *((90, 200, 255), (250, 110, 110), (200, 200, 200)),
-)
+
+def rgb(code: str) -> tuple[int, int, int]:
+    """Red, green and blue of a colour as pages write it, such as #ffc842."""
+    red, green, blue = bytes.fromhex(code.removeprefix("#"))
+    return red, green, blue
+
+
+COLOURS = tuple(map(rgb, "#ffc842 #dc78e6 #5ad278 #5ac8ff #fa6e6e #c8c8c8".split()))
 """RGB, of as many people as are followed at most."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,45 +21,8 @@ if TYPE_CHECKING:
     from voxelpose.recording.folder import Recording
     from voxelpose.results import Result
 
-SHARES = {  # a hundred seconds of the recording of `voxelpose demo`, 2026-11, with pictures
-    "multiview": {
-        "opening": 2,
-        "background": 8,
-        "silhouettes": 17,
-        "completion": 10,
-        "people": 1,
-        "hulls": 2,
-        "first poses": 25,
-        "tracking": 7,
-        "limbs": 3,
-        "proportions": 3,
-        "refinement": 9,
-        "quality": 5,
-        "files": 1,
-        "pictures": 8,
-    },
-    "monocular": {
-        "opening": 2,
-        "background": 7,
-        "motion model": 2,
-        "tracking": 18,
-        "last frames": 67,
-        "files": 1,
-        "pictures": 3,
-    },
-    "tree": {
-        "opening": 2,
-        "background": 3,
-        "pose library": 2,
-        "taking pictures": 25,
-        "tree, level 1": 15,
-        "tree, level 2": 4,
-        "tree, level 3": 6,
-        "motion model": 6,
-        "tracking": 30,
-        "pictures": 7,
-    },
-}
+SHARES = tomllib.loads(Path(__file__).with_name("stage_shares.toml").read_text(encoding="utf-8"))
+"""By estimator, the shares of the time that its stages usually take, in their order."""
 
 
 @dataclass(frozen=True, kw_only=True)

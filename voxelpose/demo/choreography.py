@@ -1,15 +1,15 @@
 """Performances of the demo's actor: the tables of performances.toml, and a walk."""
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
-from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PchipInterpolator, make_interp_spline
 from scipy.spatial.transform import Rotation
+
+from voxelpose.demo import demo_table
 
 _LIMBS = {"out": 8, "elbow": 14, "knee": 4, "hip": 2}
 _STANDING = {f"{side}_{name}": angle for side in "lr" for name, angle in _LIMBS.items()}
@@ -52,13 +52,13 @@ class Performance:
 @cache
 def performances() -> dict[str, Performance]:
     """Performances by name: those of performances.toml and "walk"."""
-    text = (files("voxelpose.demo") / "performances.toml").read_text(encoding="utf-8")
     by_name: dict[str, Performance] = {}
-    for name, table in tomllib.loads(text).items():
-        before = table.pop("after", None)
-        keys = np.array(table.pop("keys"), float)
-        keys = keys if before is None else np.vstack([by_name[before].keys, keys])
-        by_name[name] = Performance(keys=keys, **table)
+    for name, table in demo_table("performances").items():
+        keys = np.array(table["keys"], float)
+        if "after" in table:
+            keys = np.vstack([by_name[table["after"]].keys, keys])
+        others = {key: value for key, value in table.items() if key not in ("after", "keys")}
+        by_name[name] = Performance(keys=keys, **others)
     return by_name | {"walk": _walk()}
 
 

@@ -5,10 +5,7 @@ broader shoulders), and shirt, trousers, shoes and hair over the skin. Body fram
 up, facing -y, left toward +x; at rest the arms hang.
 """
 
-import tomllib
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -17,14 +14,16 @@ from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.mesh_measurements import measure_body
 from silhouette_core.body.model import BodyModel
+from voxelpose.demo import demo_table
+from voxelpose.people_marks import rgb
 
 STATURE_M = 1680 / 1000
 COLOURS_BGR = np.array(
-    [(150, 182, 222), (28, 34, 52), (64, 96, 178), (92, 74, 58), (40, 40, 44)], float
+    [rgb(code)[::-1] for code in "#deb696 #34221c #b26040 #3a4a5c #2c2828".split()], float
 )
 """Skin, hair, shirt, trousers, shoes."""
-SKIN, HAIR, SHIRT, TROUSERS, SHOES = range(5)
 _COLOUR_NAMES = ("skin", "hair", "shirt", "trousers", "shoes")
+SKIN, HAIR, SHIRT, TROUSERS, SHOES = range(len(_COLOUR_NAMES))
 
 _SIDES = ("left", "right")
 _PARENT = {"pelvis": "", "belly": "pelvis", "chest": "belly", "neck": "chest", "head": "neck"} | {
@@ -59,15 +58,8 @@ RING = 24
 _TRUNK = ("pelvis", "belly", "chest")  # bones at the girths of hip, waist and chest
 
 
-@cache
-def mannequin_tables() -> dict[str, Any]:
-    """The tables of mannequin.toml, whose lengths are in millimetres."""
-    text = (files("voxelpose.demo") / "mannequin.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
-
-
 def metres(table: Any) -> NDArray[np.float64]:
-    """Lengths of mannequin.toml in metres."""
+    """Lengths of mannequin.toml, which has millimetres, in metres."""
     return np.array(table) / 1000
 
 
@@ -86,7 +78,7 @@ class Mannequin:
     @classmethod
     def build(cls) -> "Mannequin":
         """Assembles the standard actor, 1.68 m tall."""
-        tables = mannequin_tables()
+        tables = demo_table("mannequin")
         pieces = [
             (tube["bone"], _COLOUR_NAMES.index(tube["colour"]), _tube(metres(tube["rows"])))
             for tube in tables["tubes"]
@@ -244,10 +236,8 @@ def tailor(measurements: Measurements) -> Mannequin:
     """Mannequin of the given measurements.
 
     Lengths are scaled along the bones. Girths at hip, waist and chest are met, and the limbs become
-    thicker or thinner with them; arms hang farther out where the trunk is wide.
-
-    Returns:
-        The actor. Its joints move with the flesh around them, so that its truth stays exact.
+    thicker or thinner with them; arms hang farther out where the trunk is wide. Returns the actor.
+    Its joints move with the flesh around them, so that its truth stays exact.
     """
     standard = Mannequin.build()
     shape = _Shape(standard, measurements)
@@ -267,7 +257,7 @@ class _Shape:
     """Map from points of the standard actor to points of a person."""
 
     def __init__(self, standard: Mannequin, person: Measurements) -> None:
-        tables = mannequin_tables()["tailoring"]
+        tables = demo_table("mannequin")["tailoring"]
         self._standard_m, self._cloth_m = metres(tables["heights"]), metres(tables["cloth"])
         self._trunk_m = metres(tables["trunk_heights"])
         self._growths = {

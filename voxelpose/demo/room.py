@@ -15,6 +15,7 @@ from calib.errors import InputError
 from calib.files import write_rig
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.raster import render_parts
+from voxelpose.demo import demo_table
 from voxelpose.demo.choreography import performances
 from voxelpose.demo.mannequin import COLOURS_BGR, STATURE_M, Mannequin, Measurements, tailor
 from voxelpose.recording.truth import TRUTH, write_truth
@@ -25,24 +26,13 @@ _SHADES = 50  # brightness steps per colour: with 5 colours the part image still
 _MARGIN = (32, 24)  # what a barrel lens sees beyond the pinhole picture, px on every side
 _ROOM_M = 5  # half length and half width of the floor
 
-# Azimuth from the front, degrees, distance and height, centimetres, of every camera.
-_POSITIONS = (
-    (-70, 330, 150),
-    (-15, 350, 230),
-    (40, 320, 120),
-    (95, 340, 200),
-    (150, 330, 130),
-    (-155, 340, 210),
-    (-110, 330, 110),
-    (180, 340, 250),
-)
 _EMPTY_FRAMES = 24
 
 
 def demo_rig(count: int = 4) -> Rig:
     """Cameras with a slight barrel distortion: four on a half circle, up to four behind."""
     cameras = []
-    for k, (azimuth, distance_cm, height_cm) in enumerate(_POSITIONS[:count]):
+    for k, (azimuth, distance_cm, height_cm) in enumerate(demo_table("room")["positions"][:count]):
         turn, distance = np.radians(azimuth), distance_cm / 100
         centre = np.array([distance * np.sin(turn), -distance * np.cos(turn), height_cm / 100])
         forward = np.array([0, 0, 0.92]) - centre
@@ -95,13 +85,8 @@ class FilmCamera:
         faces: NDArray[np.int32],
         face_colour: NDArray[np.int32],
     ) -> NDArray[np.uint8]:
-        """Picture of the actor in the room.
-
-        Args:
-            face_colour: (F,) index into `COLOURS_BGR`.
-
-        Returns:
-            (480, 640, 3) uint8 BGR.
+        """Picture of the actor in the room. `face_colour`: (F,) index into `COLOURS_BGR`. Returns
+        (480, 640, 3) uint8 BGR.
         """
         corners = vertices_m[faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

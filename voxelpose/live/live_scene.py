@@ -18,6 +18,7 @@ from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.player_scene import Stage, other_poses, packed, player_scene
 from voxelpose.live.live_frame import LiveFrame, PosedBody
+from voxelpose.people_marks import rgb
 from voxelpose.view.viewer.legend import HULL, SILHOUETTE, person_colour
 
 _PICTURE_PX = 320
@@ -25,7 +26,7 @@ _REBUILD_S = 1  # an estimation that adapts the body may give a new one with eve
 _MOST_HYPOTHESES = 3
 _MOST_POINTS = 4000
 _ONE = 32767  # of quaternions as 16 bits
-_ALONE = (84, 146, 214)  # of one person; several have a colour each
+_ALONE = rgb("#5492d6")  # of one person; several have a colour each
 
 
 class SentBody:

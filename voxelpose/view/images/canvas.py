@@ -6,21 +6,24 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from voxelpose.people_marks import COLOURS
+from voxelpose.people_marks import COLOURS, rgb
 
 Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-# BGR. Left and right stay apart for every kind of colour vision: blue against orange.
-LEFT: Colour = (255, 158, 58)
-RIGHT: Colour = (38, 130, 255)
-MIDDLE: Colour = (196, 214, 110)
+
+def bgr(code: str) -> Colour:
+    """Blue, green and red of a colour as pages write it, such as #ffc842."""
+    red, green, blue = rgb(code)
+    return blue, green, red
+
+
+# Left and right stay apart for every kind of colour vision: blue against orange.
+LEFT, RIGHT, MIDDLE = bgr("#3a9eff"), bgr("#ff8226"), bgr("#6ed6c4")
 PEOPLE: tuple[Colour, ...] = tuple((blue, green, red) for red, green, blue in COLOURS)
 """Of several people, one after the other."""
-PAPER: Colour = (30, 25, 22)
-INK: Colour = (240, 236, 232)
-FAINT: Colour = (165, 155, 148)
-WARNING: Colour = (80, 80, 245)
+PAPER, INK, FAINT = bgr("#16191e"), bgr("#e8ecf0"), bgr("#949ba5")
+WARNING = bgr("#f55050")
 
 _SHIFT = 4  # OpenCV draws with 1/16 pixel
 

@@ -1,5 +1,6 @@
 """Pictures, videos and windows of carved and modelled bodies, by the project's own rasteriser."""
 
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,16 @@ from silhouette_core.motion import kinematics
 from silhouette_core.progress import Reporter
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface
-from voxelpose.view.images.canvas import FAINT, PEOPLE, Colour, Image, png, text_width, write_text
+from voxelpose.view.images.canvas import (
+    FAINT,
+    PEOPLE,
+    Colour,
+    Image,
+    bgr,
+    png,
+    text_width,
+    write_text,
+)
 from voxelpose.view.images.figure import bone_ends
 from voxelpose.view.images.webm import WebmWriter
 from voxelpose.view.open3d_import import import_open3d
@@ -25,31 +35,12 @@ from voxelpose.view.viewer.scene import CarvedHull, Scene
 
 SIZE = 480, 720
 """Width and height of a hull's picture from one side, px."""
-_BACKGROUND = (247, 244, 240)  # BGR
-_SKIN = np.array([168, 190, 208])
-_BONE = (40, 60, 200)
+_BACKGROUND, _BONE = bgr("#f0f4f7"), bgr("#c83c28")
+_SKIN = np.array(bgr("#d0bea8"))
 _FRONT, _QUARTER, _SIDE = -90, -50, 0  # azimuths, degrees
 _CAPTION_PX, _LINE_PX, _MARGIN_PX = 14, 20, 8
-_CAPTION = (60, 52, 46)  # BGR
+_CAPTION = bgr("#2e343c")
 _MOST_COLUMNS = 8
-# A pose that bends every large joint: a lunge with one arm forward and one raised, degrees.
-_BENT_DEG = {
-    "left_thigh.flexion": 85,
-    "left_shin.flexion": 90,
-    "left_foot.dorsiflexion": 10,
-    "right_thigh.flexion": -10,
-    "right_shin.flexion": 70,
-    "right_foot.dorsiflexion": -20,
-    "lumbar.flexion": 20,
-    "thorax.flexion": 15,
-    "thorax.rotation": 20,
-    "neck.flexion": -15,
-    "left_upper_arm.abduction": 75,
-    "left_forearm.flexion": 100,
-    "right_upper_arm.forward": 70,
-    "right_forearm.flexion": 60,
-    "right_hand.flexion": 30,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,7 +285,8 @@ def bodies_picture(bodies: Sequence[BodyModel], captions: Sequence[str]) -> Imag
 def bent_vertices(body: BodyModel) -> NDArray[np.float64]:
     """Vertices (V, 3) of a body in a pose that bends its large joints, m."""
     angles = np.zeros((1, body.dof_count))
-    for name, degrees in _BENT_DEG.items():
+    table = Path(__file__).with_name("bent_pose.toml").read_text(encoding="utf-8")
+    for name, degrees in tomllib.loads(table).items():
         angles[0, body.tree.dof_names.index(name)] = np.radians(degrees)
     rotation, origin = kinematics.forward(
         body, body.joints_m[:1], np.array([[1.0, 0.0, 0.0, 0.0]]), angles
