@@ -22,7 +22,9 @@ _RULER_M = 1 / 10
 
 def largest_square_m(columns: int, rows: int, paper: str) -> float:
     """Longest side of a square, m, in whole millimetres, at which a board fits a paper size.
-    `paper`: its name, such as a4 or letter.
+
+    Args:
+        paper: Its name, such as a4 or letter.
     """
     return max(_square_that_fits(columns, rows, page) for page in _pages(paper))
 

@@ -31,7 +31,7 @@ from calib.files.plain import read_json, read_projections, write_json, write_pro
 from calib.files.qualisys import read_qualisys, write_qualisys
 from calib.files.vicon import read_vicon
 from calib.storage.atomic import replacing
-from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_toml
+from calib.storage.documents import load_text, parse_json, parse_toml
 
 
 class RigFormat(NamedTuple):
@@ -139,7 +139,7 @@ def _reader(source: Source) -> Callable[[Source], Rig]:
         raise source.error("no such calibration file")
     if is_matlab(source.path):
         return read_dannce
-    text = load_text(source.path, LARGEST_CALIBRATION, remedy=_READ)
+    text = load_text(source.path, remedy=_READ)
     start = text.lstrip()[:1000]
     if start.startswith("%YAML") or "<opencv_storage" in start:
         return read_opencv

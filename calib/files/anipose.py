@@ -24,7 +24,7 @@ from calib.checks import FloatArray
 from calib.errors import InputError
 from calib.files.fields import Source, camera_values
 from calib.rotation import rodrigues_from_matrix
-from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_toml
+from calib.storage.documents import load_text, parse_toml
 from calib.upright import direction_of
 
 _CAMERA_KEYS = {"matrix", "distortions", "rotation", "translation"}
@@ -35,7 +35,7 @@ def read_anipose(source: Source) -> Rig:
     """Reads the rig. InputError where the file is not TOML, or a camera in it is incomplete or
     wrong.
     """
-    text = load_text(source.path, LARGEST_CALIBRATION)
+    text = load_text(source.path)
     try:
         content = parse_toml(text, source.path)
     except InputError as error:
@@ -51,8 +51,7 @@ def read_anipose(source: Source) -> Rig:
     }
     if not cameras:
         return source.rig([])
-    metadata = content.get("metadata")
-    metadata = metadata if isinstance(metadata, dict) else {}
+    metadata = _metadata(content)
     stated = metadata.get("unit", metadata.get("units"))
     lengths = stated or any("translation" in table for table in cameras.values())
     metres = source.metres_per_unit(stated, _REMEDY) if lengths else 1
@@ -82,12 +81,16 @@ def write_anipose(rig: Rig, path: Path, notes: Mapping[str, Any] | None = None) 
 def read_notes(path: Path) -> dict[str, Any]:
     """Entries under [metadata] of a calibration, without the unit; empty if there are none."""
     try:
-        content = parse_toml(load_text(path, LARGEST_CALIBRATION), path)
+        content = parse_toml(load_text(path), path)
     except InputError:  # a calibration of another format
         return {}
-    metadata = content.get("metadata", {})
-    metadata = metadata if isinstance(metadata, dict) else {}
-    return {key: value for key, value in metadata.items() if key not in ("unit", "units")}
+    entries = _metadata(content).items()
+    return {key: value for key, value in entries if key not in ("unit", "units")}
+
+
+def _metadata(content: Mapping[str, Any]) -> dict[str, Any]:
+    metadata = content.get("metadata")
+    return metadata if isinstance(metadata, dict) else {}
 
 
 def read_up(path: Path) -> FloatArray | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from calib.camera import Rig
 from calib.files.fields import Source, brief, names_of_pictures
-from calib.storage.documents import LARGEST_CALIBRATION, load_text
+from calib.storage.documents import load_text
 
 _FILES = ("cameras.txt", "images.txt")
 _BINARY = ("cameras.bin", "images.bin")
@@ -87,5 +87,5 @@ def _lens(source: Source, name: str, row: list[str] | None) -> dict:
 
 def _rows(path: Path) -> list[list[str]]:
     """Words of a file's lines, without comments; an empty line after the first stays."""
-    lines = load_text(path, LARGEST_CALIBRATION).splitlines()
+    lines = load_text(path).splitlines()
     return [line.split() for line in lines if not line.lstrip().startswith("#")]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.files.fields import brief
-from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json, parse_xml
+from calib.storage.documents import load_text, parse_json, parse_xml
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _SPECIAL = re.compile(r"([-+]?)\.(nan|inf)", re.IGNORECASE)
@@ -52,7 +52,7 @@ def load_storage(path: Path) -> dict[str, Any]:
         Values by key. Numbers are floats; matrices (rows, cols) or (rows, cols, channels) arrays of
         their own dtype, of which numbers may be NaN or infinite.
     """
-    text = load_text(path, LARGEST_CALIBRATION)
+    text = load_text(path)
     start = text.lstrip()[:1]
     if start == "<":
         root = parse_xml(text.replace("&quot;", _QUOTE), path)

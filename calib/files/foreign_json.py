@@ -30,7 +30,7 @@ import numpy as np
 
 from calib.camera import Camera, Rig
 from calib.files.fields import Source, brief, names_of_pictures
-from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json
+from calib.storage.documents import load_text, parse_json
 
 _FLIP = np.diag([1, -1, -1])
 _NERF_MODELS = {"OPENCV": False, "PINHOLE": False, "SIMPLE_PINHOLE": False, "OPENCV_FISHEYE": True}
@@ -45,7 +45,7 @@ def read_nerfstudio(source: Source) -> Rig:
     """Reads the rig. InputError where a frame is incomplete or wrong, or its lens is none of
     OpenCV's.
     """
-    content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    content: dict[str, Any] = parse_json(load_text(source.path), source.path)
     frames = content["frames"]
     if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
         raise source.error("frames must be a list of objects with file_path and transform_matrix")
@@ -94,7 +94,7 @@ def is_opencap(content: dict[str, Any]) -> bool:
 
 def read_opencap(source: Source) -> Rig:
     """Reads the rig. InputError where a camera is incomplete or wrong."""
-    content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    content: dict[str, Any] = parse_json(load_text(source.path), source.path)
     named = {source.path.stem: content} if OPENCAP_MATRIX in content else content
     return source.rig(
         [
@@ -128,7 +128,7 @@ def read_kinect(source: Source) -> Rig:
     """Reads the colour camera. InputError where it is not there, incomplete, or of another lens; or
     the picture's size is none that this sensor makes.
     """
-    content: dict[str, Any] = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    content: dict[str, Any] = parse_json(load_text(source.path), source.path)
     return source.rig([kinect_camera(source, source.path.stem, content)])
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from calib.camera import FloatArray, Rig
 from calib.files.fields import Source, brief, names_of_pictures
-from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_xml
+from calib.storage.documents import load_text, parse_xml
 
 _FISHEYES = ("fisheye", "equidistant_fisheye")
 
@@ -25,7 +25,7 @@ def read_metashape(source: Source) -> Rig:
     """Reads the rig. InputError where it holds other than one chunk, or a camera in it is
     incomplete or wrong.
     """
-    root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    root = parse_xml(load_text(source.path), source.path)
     chunks = root.findall("chunk")
     if len(chunks) != 1:
         raise source.error(f"holds {len(chunks)} chunks: export the cameras of one")

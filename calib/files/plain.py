@@ -20,15 +20,14 @@ from scipy import linalg
 from calib.camera import FloatArray, Rig
 from calib.errors import InputError
 from calib.files.fields import Source, camera_values
-from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_json
+from calib.storage.documents import load_text, parse_json
 
 
 def read_json(source: Source) -> Rig:
     """Reads the rig; `cameras` may also be a map from names to cameras. InputError where a camera
     is incomplete or wrong.
     """
-    text = load_text(source.path, LARGEST_CALIBRATION)
-    content: dict[str, Any] = parse_json(text, source.path)
+    content: dict[str, Any] = parse_json(load_text(source.path), source.path)
     cameras = content["cameras"]
     named = (
         list(cameras.items())
@@ -87,7 +86,7 @@ def read_projections(source: Source) -> Rig:
     """Reads the rig. InputError where a matrix is not 3x4, not finite or singular, or sizes or the
     unit are unknown.
     """
-    content: Any = parse_json(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    content: Any = parse_json(load_text(source.path), source.path)
     content = {"projections": content} if isinstance(content, list) else content
     matrices = content["projections"]
     if not isinstance(matrices, list):

@@ -31,7 +31,7 @@ import numpy as np
 
 from calib.camera import Camera, FloatArray, Rig
 from calib.files.fields import Source, five_distortion_numbers, video_cameras
-from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_xml
+from calib.storage.documents import load_text, parse_xml
 
 _SUBPIXELS = 64
 _FILMING = re.compile(r"video|hybrid|colou?r|\dc\b", re.IGNORECASE)
@@ -50,7 +50,7 @@ def read_qualisys(source: Source) -> Rig:
     """Reads the rig. InputError where the file is neither QTM's nor Theia's calibration, or a
     camera in it is incomplete or wrong.
     """
-    root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    root = parse_xml(load_text(source.path), source.path)
     theia = not root.attrib
     if theia == (root.find(".//fov_video") is not None) and root.find(".//intrinsic") is not None:
         raise source.error(

@@ -15,7 +15,7 @@ import numpy as np
 
 from calib.camera import Camera, FloatArray, Rig
 from calib.files.fields import Source, brief, video_cameras
-from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_xml
+from calib.storage.documents import load_text, parse_xml
 
 _MODEL = "Vicon3Parameter"
 
@@ -24,7 +24,7 @@ def read_vicon(source: Source) -> Rig:
     """Reads the rig. InputError where a camera in it is incomplete or wrong, or of a lens that
     OpenCV's cannot follow.
     """
-    root = parse_xml(load_text(source.path, LARGEST_CALIBRATION), source.path)
+    root = parse_xml(load_text(source.path), source.path)
     metres = source.metres_per_unit("mm", "Vicon writes mm")
     elements = {
         element.get("DEVICEID") or f"cam_{number}": element

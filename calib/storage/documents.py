@@ -16,6 +16,8 @@ from calib.errors import InputError
 
 LARGEST_CALIBRATION = 10_000_000
 """Bytes of a calibration; a hundred cameras take a hundredth of it."""
+LARGEST_SETTINGS = LARGEST_CALIBRATION // 10
+"""Bytes of a file of settings."""
 _OTHER_SEPARATORS = {";": "semicolon", "\t": "tab"}
 _COMMAS = "separate them by commas, and write numbers with a point, 412.5"
 _DEEPEST = 50
@@ -61,7 +63,10 @@ def load_bytes(path: Path, largest_bytes: int) -> bytes:
 
 
 def load_text(
-    path: Path, largest_bytes: int, errors: str = "strict", remedy: str = _AS_UTF_8
+    path: Path,
+    largest_bytes: int = LARGEST_CALIBRATION,
+    errors: str = "strict",
+    remedy: str = _AS_UTF_8,
 ) -> str:
     """Text of a file in UTF-8, with or without its mark, lines ended by a newline. InputError where
     the file cannot be read, is too large, or holds bytes that are no text.

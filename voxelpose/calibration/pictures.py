@@ -47,8 +47,11 @@ def rig_picture(rig: Rig, floor: bool = True) -> Image:
     """Picture of a rig, (H, W, 3) uint8 BGR: from above on the left, from the side on the right.
 
     Shaded is where two cameras or more see, brighter for more of them; from above with a floor a
-    standing person, from feet to head. `floor`: whether the world's z is the height above the
-    floor; if not, what is up for the cameras is drawn upward.
+    standing person, from feet to head.
+
+    Args:
+        floor: Whether the world's z is the height above the floor; if not, what is up for the
+            cameras is drawn upward.
     """
     rig = rig if floor else UprightFrame.from_up(up_candidates(rig)[0]).rig(rig)
     low, high = _extent(rig, floor)

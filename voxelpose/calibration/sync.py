@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -28,6 +28,7 @@ from silhouette_core.image.silhouettes import Silhouettes
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.calibration.board_views import BoardFinder, as_printed
 from voxelpose.calibration.check import LONG_SIDE_PX, outline_track
+from voxelpose.findings import Finding
 from voxelpose.recording.camera_files import not_read, pictures_by_camera
 from voxelpose.recording.file_times import times_in_files
 from voxelpose.recording.folder import Recording, calibration_path, open_readers
@@ -41,6 +42,20 @@ _LEAST_VIEWS = 20
 _BOARD_HZ = 12  # how often the board is looked for: enough on the boards of docs/results.md
 _MAX_OFFSET_S = {"geometry": 2, "board": 20, "sound": 60, "silhouettes": 10}
 _SECONDS = {"geometry": 12, "board": 60, "sound": 600, "silhouettes": 40}
+_NAMES = {
+    "board": "the board's speed",
+    "sound": "sound",
+    "silhouettes": "silhouettes moving up and down",
+}
+_REMEDIES = {
+    "geometry": "the cameras agree at no offset: calibrate first, then synchronise, or give --by",
+    "board": "carry the board so that all cameras see it, now faster and now slower",
+    "sound": "clap where all cameras hear it, or try --by silhouettes",
+    "silhouettes": (
+        "let somebody squat, jump or raise the arms in view of all cameras, give --seconds and"
+        " --most, or clap and try --by sound"
+    ),
+}
 
 
 def board_speed(board: Board, camera: Camera, time_s: Times, views: list) -> Signal:
@@ -381,3 +396,36 @@ def _by_sound(films: _Films, reporter: Reporter) -> Sync:
         for line in sync.result.offsets
     ]
     return replace(sync, result=replace(sync.result, offsets=tuple(lines)))
+
+
+def sync_findings(sync: Sync) -> list[Finding]:
+    """What offsets were found from, and how well the cameras agree: bad where they are not sure."""
+    agreed = sync.result.agreed
+    level, remedy = ("good", "") if agreed else ("bad", _REMEDIES[sync.by])
+    return [Finding("Offsets", level, words, remedy=remedy) for words in _words(sync)]
+
+
+def _words(sync: Sync) -> Iterator[str]:
+    result = sync.result
+    if not isinstance(result, SignalOffsets):
+        yield (
+            f"outlines met within {result.before_px:.1f} px as filmed, {result.after_px:.1f} px"
+            " with these offsets"
+        )
+        if not result.agreed:
+            yield (
+                "the cameras agree at no offset: the offsets above follow from the motion of the"
+                " outlines only, and are rough; check the calibration first"
+            )
+        return
+    pairs = f"by {_NAMES[sync.by]}: pairs of cameras correlate by {result.correlation:.2f}"
+    if result.disagreement_s == result.disagreement_s:
+        pairs += f", and their offsets agree within {1000 * result.disagreement_s:.1f} ms"
+    yield pairs
+    if result.unlike:
+        yield f"{', '.join(result.unlike)} recorded nothing like the others: not synchronised"
+    if result.ambiguous:
+        yield (
+            f"other offsets are nearly as likely for {', '.join(result.ambiguous)}: motion that"
+            " repeats itself, or too little of it"
+        )

@@ -94,7 +94,7 @@ class CalibrateSync(arguments.OptionalBoard):
 
     def write(self, sync: Sync) -> None:
         """Writes the time of every frame. InputError where the offsets are not sure."""
-        from voxelpose.calibration.sync_verdict import sync_findings
+        from voxelpose.calibration.sync import sync_findings
 
         if self.out is not None:
             if not sync.result.agreed:
@@ -121,7 +121,7 @@ def camera_rates(text: str | None) -> dict[str, float] | None:
 
 def print_sync(sync: Sync) -> None:
     """Prints one line per camera."""
-    from voxelpose.calibration.sync_verdict import sync_findings
+    from voxelpose.calibration.sync import sync_findings
 
     rows = []
     for line in sync.result.offsets:

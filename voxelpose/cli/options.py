@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
 
 from calib.errors import InputError, check_name
-from calib.storage.documents import load_text, parse_toml
+from calib.storage.documents import LARGEST_SETTINGS, load_text, parse_toml
 from silhouette_core.setting_types import checked, nearest, range_of, types_if_given, unmarked
 
 _LOCATED = "body", "source"  # text that may name a file
@@ -144,15 +144,16 @@ def folder_settings(section: str, folder: Path) -> dict[str, FolderSetting]:
     the nearest file counts. InputError where a file cannot be read, or has an unknown section,
     option or value.
     """
-    from voxelpose.recording.subject import settings_files
+    from voxelpose.recording.subject import nearest_settings
 
     options = options_of(load_command(section))
-    settings: dict[str, FolderSetting] = {}
-    for file in reversed(settings_files(folder)):
+
+    def read(file: Path) -> dict[str, Any]:
         given = _sections(file).get(section, {})
-        values = checked_values(options, given, file.parent, f"{file}: [{section}]")
-        settings |= {name: FolderSetting(value, str(file)) for name, value in values.items()}
-    return settings
+        return checked_values(options, given, file.parent, f"{file}: [{section}]")
+
+    settings = nearest_settings(folder, read).items()
+    return {name: FolderSetting(value, str(file)) for name, (value, file) in settings}
 
 
 def checked_values(
@@ -260,7 +261,7 @@ def _sections(file: Path) -> dict[str, dict[str, Any]]:
     """The tables of a file, by their sections: `fit`, `calibrate.board`."""
     from voxelpose.cli import COMMANDS
 
-    content = parse_toml(load_text(file, 1_000_000), file)
+    content = parse_toml(load_text(file, LARGEST_SETTINGS), file)
     _check_sections(content, COMMANDS, file)
     sections = {}
     for name, table in content.items():

@@ -236,8 +236,10 @@ def tailor(measurements: Measurements) -> Mannequin:
     """Mannequin of the given measurements.
 
     Lengths are scaled along the bones. Girths at hip, waist and chest are met, and the limbs become
-    thicker or thinner with them; arms hang farther out where the trunk is wide. Returns the actor.
-    Its joints move with the flesh around them, so that its truth stays exact.
+    thicker or thinner with them; arms hang farther out where the trunk is wide.
+
+    Returns:
+        The actor. Its joints move with the flesh around them, so that its truth stays exact.
     """
     standard = Mannequin.build()
     shape = _Shape(standard, measurements)

@@ -85,8 +85,13 @@ class FilmCamera:
         faces: NDArray[np.int32],
         face_colour: NDArray[np.int32],
     ) -> NDArray[np.uint8]:
-        """Picture of the actor in the room. `face_colour`: (F,) index into `COLOURS_BGR`. Returns
-        (480, 640, 3) uint8 BGR.
+        """Picture of the actor in the room.
+
+        Args:
+            face_colour: (F,) index into `COLOURS_BGR`.
+
+        Returns:
+            (480, 640, 3) uint8 BGR.
         """
         corners = vertices_m[faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -23,11 +23,11 @@ from calib.errors import InputError
 from voxelpose.live.camera_source import retry_waits_s
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.messages import json_message, vmc_datagrams
+from voxelpose.view.serving.gate import LAST_PORT
 
 VMC_PORT = 39539
 """Port at which receivers of the VMC protocol usually listen."""
 
-_LAST_PORT = 65_535
 _FORMS = "vmc://HOST:PORT or ws://HOST:PORT/PATH"
 _RECENT = 60  # frames whose times are kept
 _OPEN_S = 3
@@ -86,9 +86,9 @@ def parse_receiver(text: str, people: int = 1) -> ReceiverAddress:
         raise InputError(f"--send {text}: the port is missing: write {_FORMS}")
     if parts.scheme == "vmc" and (parts.path.strip("/") or parts.query):
         raise InputError(f"--send {text}: VMC has no paths: write vmc://{parts.netloc}")
-    if parts.scheme == "vmc" and port + people - 1 > _LAST_PORT:
+    if parts.scheme == "vmc" and port + people - 1 > LAST_PORT:
         raise InputError(
-            f"--send {text}: {people} people need {people} ports: give {_LAST_PORT + 1 - people} at"
+            f"--send {text}: {people} people need {people} ports: give {LAST_PORT + 1 - people} at"
             " most"
         )
     return ReceiverAddress(

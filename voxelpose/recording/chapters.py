@@ -1,28 +1,23 @@
 """Films that a camera wrote in several files: chapters in a folder, joined where one continues the
-other.
+other; and the film in a file whose first video track is a still picture: a cover, or a thumbnail.
 """
 
+import atexit
 import re
+import shutil
+import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from calib.errors import InputError
 from calib.storage.documents import visible_entries
-from voxelpose.recording.ffmpeg import finished
-from voxelpose.recording.film_track import film_track
-from voxelpose.recording.frame_reader import (
-    STILLS,
-    VIDEOS,
-    Frame,
-    FrameReader,
-    size_text,
-    video_address,
-)
+from voxelpose.recording.ffmpeg import QUIET, finished, words_on
+from voxelpose.recording.frame_reader import STILLS, VIDEOS, Frame, FrameReader, size_text
 from voxelpose.recording.image_names import natural_order
 
 _GOPRO = re.compile(r"(?:GOPR|G[A-Z](\d\d))(\d{4})", re.IGNORECASE)  # chapter, film
@@ -35,7 +30,8 @@ _CREATED = re.compile(r"creation_time\s*: (\S+)")
 _TIMECODE = re.compile(r"timecode\s*: (\d\d):(\d\d):(\d\d)([:;.])(\d\d)")
 _START = re.compile(r"start: (-?[\d.]+)")
 _STREAMS = (".ts", ".mts", ".m2ts")  # their times go on from one to the next
-_OFF_S = (1, 1, 2)  # by which `_Facts` may be off: the last are whole seconds
+_TRACK = re.compile(r"Stream #0:(\d+).*?: Video: ")
+_OFF_S = (1, 1, 2)  # by which `_begins` may be off: the last are whole seconds
 
 
 @dataclass(frozen=True)
@@ -69,14 +65,6 @@ class FilmReader(FrameReader):
             begin = end
 
 
-class _Facts(NamedTuple):
-    """When a file says that it began, in seconds; None where it does not say."""
-
-    timecode: float | None
-    start: float | None
-    created: float | None
-
-
 def open_camera(path: Path) -> FrameReader:
     """Opens the pictures of a camera: a video, an image, a folder of images or of chapters.
     InputError where it is missing, empty or cannot be read, or the chapters are not those of a
@@ -85,7 +73,7 @@ def open_camera(path: Path) -> FrameReader:
     files = chapters_in(path)
     if not files:
         reader = FrameReader.open(path)
-        if reader.stills or reader.frame_count > 1 or (film := film_track(path)) is None:
+        if reader.stills or reader.frame_count > 1 or (film := _film_track(path)) is None:
             return reader
         note = f"{path.name}: the first video track is a still picture, and a later one is used"
         return FilmReader.of(path, [FrameReader.open(film)], note)
@@ -160,7 +148,7 @@ def _continued(folder: Path, chapters: Sequence[FrameReader]) -> list[FrameReade
                 for each in (first, chapter)
             )
             raise InputError(f"{folder} holds films of different kinds ({ways}): leave one")
-    facts = {chapter.path: _facts(chapter) for chapter in chapters}
+    facts = {chapter.path: _begins(chapter) for chapter in chapters}
     names = ", ".join(chapter.path.name for chapter in chapters)
     for which, most_s in enumerate(_OFF_S):
         begins = {path: fact[which] for path, fact in facts.items()}
@@ -185,9 +173,11 @@ def _continued(folder: Path, chapters: Sequence[FrameReader]) -> list[FrameReade
     )
 
 
-def _facts(chapter: FrameReader) -> _Facts:
-    """When a file says that it began."""
-    said = finished("-hide_banner", "-nostdin", "-i", video_address(chapter.path)).stderr
+def _begins(chapter: FrameReader) -> tuple[float | None, float | None, float | None]:
+    """When a file says that it began, s: by its timecode, its times of a stream, and when it was
+    made; None where it does not say.
+    """
+    said = words_on(chapter.path)
     timecode = start = created = None
     if (match := _TIMECODE.search(said)) and chapter.fps and round(chapter.fps):
         hours, minutes, seconds, mark, frames = match.groups()
@@ -202,7 +192,7 @@ def _facts(chapter: FrameReader) -> _Facts:
             created = datetime.fromisoformat(match[1]).timestamp()
         except ValueError:
             created = None
-    return _Facts(timecode, start, created)
+    return timecode, start, created
 
 
 def _shown_s(chapters: Sequence[FrameReader]) -> np.ndarray | None:
@@ -215,3 +205,48 @@ def _shown_s(chapters: Sequence[FrameReader]) -> np.ndarray | None:
         joined.append(shown_s - shown_s[0] * bool(joined) + begin)
         begin = float(joined[-1][-1] + np.median(np.diff(shown_s)))
     return np.concatenate(joined)
+
+
+def _film_track(path: Path) -> Path | None:
+    """A copy of a video with its film and its sound alone, in a temporary folder that ends with the
+    process; None where the file has no other video track than its first. InputError where there is
+    no room for the copy.
+
+    OpenCV reads none but the first.
+    """
+    return _film_copy(path.absolute(), path.stat().st_mtime_ns)
+
+
+@cache
+def _film_copy(path: Path, changed_ns: int) -> Path | None:
+    try:
+        said = words_on(path)
+    except InputError:  # without FFmpeg
+        return None
+    tracks = [int(number) for number in _TRACK.findall(said)]
+    counts = {track: _picture_count(path, track) for track in tracks[1:]}
+    film = max(counts, key=lambda track: counts[track], default=None)
+    if film is None or counts[film] < 2:
+        return None
+    folder = Path(tempfile.mkdtemp(prefix="voxelpose-film-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    copy = folder / path.name
+    copied = finished(*_track_words(path, film), "-map", "0:a?", "-c", "copy", str(copy))
+    if copied.returncode:
+        raise InputError(
+            f"{path}: its film, which is not its first video track, cannot be copied to {folder}:"
+            " is there room? Else leave the film alone in the file (ffmpeg -map)"
+        )
+    return copy
+
+
+def _track_words(path: Path, track: int) -> tuple[str, ...]:
+    """Words by which FFmpeg takes a track of a file."""
+    return *QUIET, "-i", str(path), "-map", f"0:{track}"
+
+
+def _picture_count(path: Path, track: int) -> int:
+    """Number of the pictures of a track."""
+    listed = finished(*_track_words(path, track), "-c", "copy", "-f", "framecrc", "-")
+    lines = listed.stdout.splitlines()
+    return sum(not line.startswith("#") for line in lines)

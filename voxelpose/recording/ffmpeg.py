@@ -83,8 +83,7 @@ def _packets(path: Path, *words: str) -> tuple[NDArray[np.float64], str]:
     """Times as of `packets`, numbers of bytes, checksums, and whether a picture is coded by itself,
     (n, 5); and what FFmpeg says.
     """
-    source = ["-i", str(path.absolute()), "-map", "0:v:0", "-c", "copy"]
-    done = finished("-nostdin", *source, "-f", "framecrc", *words, "-")
+    done = finished("-nostdin", *_first_track(path), "-c", "copy", "-f", "framecrc", *words, "-")
     unit, rows = 1.0, []
     for line in done.stdout.splitlines():
         if line.startswith("#tb 0:"):
@@ -103,10 +102,9 @@ def has_fields(path: Path, changed_ns: int) -> bool:
     """Whether any picture of a video, which was changed last at a time, is flagged as two fields;
     all are decoded.
     """
-    source, filtered = ("-i", str(path.absolute()), "-map", "0:v:0"), ("-vf", "showinfo")
+    words = "-nostdin", *_first_track(path), "-vf", "showinfo", "-f", "null", "-"
     try:
-        words = finished("-nostdin", *source, *filtered, "-f", "null", "-").stderr
-        return _FIELDS.search(words) is not None
+        return _FIELDS.search(finished(*words).stderr) is not None
     except (InputError, OSError):
         return False
 
@@ -120,7 +118,7 @@ class FieldCapture:
         """Opens a video of pictures (width, height) px. InputError where there is no FFmpeg for
         this machine.
         """
-        source = ("-i", str(path.absolute()), "-map", "0:v:0", "-fps_mode", "passthrough")
+        source = (*_first_track(path), "-fps_mode", "passthrough")
         raw = ("-vf", "idet,bwdif=send_frame:auto:interlaced", "-f", "rawvideo", "-pix_fmt")
         words = [program(), *QUIET, *source, *raw, "bgr24", "-"]
         self._size = size
@@ -143,6 +141,20 @@ class FieldCapture:
         """Ends FFmpeg."""
         self._process.kill()
         self._process.communicate()
+
+
+def video_address(path: Path) -> str:
+    """A video's path as FFmpeg takes it: a colon in a relative one would name a protocol."""
+    return str(path.absolute())
+
+
+def _first_track(path: Path) -> tuple[str, ...]:
+    return "-i", video_address(path), "-map", "0:v:0"
+
+
+def words_on(path: Path) -> str:
+    """What FFmpeg says of a file and its tracks. InputError where there is none."""
+    return finished("-hide_banner", "-nostdin", "-i", video_address(path)).stderr
 
 
 def finished(*words: str) -> subprocess.CompletedProcess[str]:

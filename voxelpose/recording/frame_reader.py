@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.storage.documents import visible_entries
-from voxelpose.recording.ffmpeg import FieldCapture, coded_pictures, has_fields
+from voxelpose.recording.ffmpeg import FieldCapture, coded_pictures, has_fields, video_address
 from voxelpose.recording.image_names import in_order
 
 Frame = NDArray[np.uint8]
@@ -185,10 +185,7 @@ def read_together(
     readers: Mapping[str, FrameReader], start: int, stop: int
 ) -> Iterator[dict[str, Frame]]:
     """Reads several cameras in parallel, one thread each, a few frames ahead at most. InputError
-    where a camera's frames cannot be read.
-
-    Yields:
-        Frames by camera name.
+    where a camera's frames cannot be read. Yields frames by camera name.
     """
     with ExitStack() as pools:
         ahead = {}
@@ -377,11 +374,6 @@ def _three_channels(image: np.ndarray) -> Frame:
     if image.ndim == 2:
         image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     return np.ascontiguousarray(image, np.uint8)
-
-
-def video_address(path: Path) -> str:
-    """A video's path as FFmpeg takes it: a colon in a relative one would name a protocol."""
-    return str(path.absolute())
 
 
 def other_size(path: Path, size: tuple[int, int], camera: Camera, remedy: str) -> InputError:

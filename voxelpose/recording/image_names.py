@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
-from voxelpose.recording.timestamps import lost_between, possible_rate
+from voxelpose.recording.timestamps import PER_SECOND, lost_between, possible_rate
 
 _SIGN = r"(?:(?<![^\W_])-)?"  # a dash after a letter or digit parts words
 _NUMBER = re.compile(rf"{_SIGN}\d+(?:[.,]\d+)?")
@@ -30,8 +30,8 @@ _DATED = [re.compile(rf"(?<!\d){date}{clock}{_PART}") for date, clock in product
 _CLOCK = [re.compile(rf"(?<!\d)()()(){clock}{_PART}") for clock in _CLOCKS]
 _DAY_S = timedelta(days=1).total_seconds()
 _HEX = re.compile(r"(?<![^\W_])[0-9a-f]{1,15}(?![^\W_])", re.IGNORECASE)
-_PER_SECOND = 1_000, 1_000_000, 1_000_000_000  # counts of a clock
-_SINCE_1970 = {9 + len(str(count)): count for count in _PER_SECOND}  # by the digits of the time
+_COUNTS = tuple(PER_SECOND.values())[1:]  # of a clock in a second
+_SINCE_1970 = {9 + len(str(count)): count for count in _COUNTS}  # by the digits of the time
 _MOST_DIGITS = 18  # of a counter
 _RENAME = "rename them by their numbers alone (0001.png ...)"
 
@@ -234,7 +234,7 @@ def _parts(words: Sequence[str], whole: Sequence[object], decimal: bool) -> Iter
         return
     if decimal and all(word[-1] != "0" or not int(word) for word in words):
         yield [float(f"0.{word}") for word in words]
-    count = next((count for count in _PER_SECOND if count > max(numbers)), 0)
+    count = next((count for count in _COUNTS if count > max(numbers)), 0)
     plain = all(str(number) == word for number, word in zip(numbers, words, strict=True))
     if count and plain and not counted:
         yield [number / count for number in numbers]

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.storage.documents import load_text, parse_toml
+from calib.storage.documents import LARGEST_SETTINGS, load_text, parse_toml
 from silhouette_core.estimator import ONE_CAMERA
 from voxelpose.recording.folder import Recording
-from voxelpose.recording.subject import NOTES, settings_files
+from voxelpose.recording.subject import NOTES, nearest_settings
 from voxelpose.recording.timestamps import TIMESTAMPS
-
-_LARGEST_BYTES = 1_000_000
 
 
 def input_digests(recording: Recording, estimator: str) -> dict[str, str]:
@@ -61,11 +59,12 @@ def _of_masks(masks: Mapping[str, NDArray[np.bool_]]) -> str:
 
 def _of_settings(folder: Path, section: str) -> str:
     """Digest of measures in subject.toml and of a command's section of the files voxelpose.toml."""
-    settings: dict[str, Any] = {}
-    for file in reversed(settings_files(folder)):
-        settings |= parse_toml(load_text(file, _LARGEST_BYTES), file).get(section, {})
+    listed = nearest_settings(
+        folder, lambda file: parse_toml(load_text(file, LARGEST_SETTINGS), file).get(section, {})
+    )
+    settings: dict[str, Any] = {name: value for name, (value, _) in listed.items()}
     for file in folder.glob("subject.toml"):
-        subject = parse_toml(load_text(file, _LARGEST_BYTES), file)
+        subject = parse_toml(load_text(file, LARGEST_SETTINGS), file)
         # Remarks that are added after a fit leave it as it is.
         if measures := {key: value for key, value in subject.items() if key not in NOTES}:
             settings["subject"] = measures

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.moments import even_moments
-from voxelpose.recording.ffmpeg import finished
-from voxelpose.recording.frame_reader import Frame, FrameReader, read_image, video_address
+from voxelpose.recording.ffmpeg import video_address, words_on
+from voxelpose.recording.frame_reader import Frame, FrameReader, read_image
 from voxelpose.recording.mask_levels import (
     Layers,
     MaskForm,
@@ -154,8 +154,7 @@ def may_be_transparent(reader: FrameReader) -> bool:
     if not reader.stills:
         if reader.path.suffix.lower() not in _LAYERED or not _raw_words(reader.path)[0]:
             return False
-        said = finished("-hide_banner", "-nostdin", "-i", video_address(reader.path)).stderr
-        return _TRANSPARENT.search(said) is not None
+        return _TRANSPARENT.search(words_on(reader.path)) is not None
     step = -(-len(reader.stills) // _LOOKED_AT)
     return any(_has_alpha(still) for still in reader.stills[::step])
 

@@ -10,7 +10,7 @@ from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from calib.errors import InputError
 from calib.signals import Signal
-from voxelpose.recording.ffmpeg import QUIET, finished, packets, program
+from voxelpose.recording.ffmpeg import QUIET, packets, program, video_address, words_on
 from voxelpose.tuning import SYNCHRONISATION
 
 STEP_S = 1 / 1000
@@ -25,7 +25,7 @@ def has_sound(path: Path) -> bool:
     """Whether a file is a video with sound."""
     if not path.is_file():
         return False
-    return "Audio:" in finished("-hide_banner", "-nostdin", "-i", str(path.absolute())).stderr
+    return "Audio:" in words_on(path)
 
 
 def onsets(path: Path, camera: str, seconds: float) -> Signal:
@@ -61,7 +61,7 @@ def _energies(path: Path, seconds: float) -> Iterator[NDArray[np.float64]]:
     """Yields the mean energy of every millisecond since the file's beginning, (N,) each."""
     # Silence is put where the sound begins later than the pictures, or has gaps.
     filters = f"aresample={_RATE_HZ}:async=1:first_pts=0,highpass=f={_LOWEST_HZ}"
-    words = ["-t", f"{seconds:.3f}", "-i", str(path.absolute()), "-map", "0:a:0", "-af", filters]
+    words = ["-t", f"{seconds:.3f}", "-i", video_address(path), "-map", "0:a:0", "-af", filters]
     command = [*QUIET, *words, "-ac", "1", "-f", "f32le", "-"]
     with subprocess.Popen([program(), *command], stdout=subprocess.PIPE) as process:
         while process.stdout and (chunk := process.stdout.read(_CHUNK)):

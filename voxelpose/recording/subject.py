@@ -4,6 +4,7 @@ a folder, those above it or a user have in common.
 
 import datetime
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,10 +14,9 @@ from msgspec import Meta
 from platformdirs import user_config_path
 
 from calib.errors import InputError
-from calib.storage.documents import load_text, parse_toml
+from calib.storage.documents import LARGEST_SETTINGS, load_text, parse_toml
 from silhouette_core.setting_types import CHESTS_M, STATURES_M, Chest, Sex, Stature
 
-_LARGEST_BYTES = 1_000_000
 _METRES = "give metres between {:g} and {:g}, for example {} = {}"
 _TEXT = "give text of at most {} characters in quotation marks, or remove the line"
 # Types of the values by their keys, and what helps where one is none.
@@ -57,7 +57,7 @@ def read_subject(path: Path) -> Subject:
     """
     if not path.exists():
         return Subject()
-    table = parse_toml(load_text(path, _LARGEST_BYTES), path)
+    table = parse_toml(load_text(path, LARGEST_SETTINGS), path)
     known: dict[str, Any] = {}
     for key, value in table.items():
         if key not in _VALUES:
@@ -107,3 +107,16 @@ def settings_files(folder: Path) -> list[Path]:
     files = dict.fromkeys(folder / SETTINGS_FILE for folder in folders)
     # os.path takes a folder that must not be read for one without the file.
     return [file for file in files if os.path.isfile(file)]  # noqa: PTH113
+
+
+def nearest_settings(
+    folder: Path, read: Callable[[Path], Mapping[str, Any]]
+) -> dict[str, tuple[Any, Path]]:
+    """Settings for a folder by their names, as `read` takes them from each of its files, and the
+    file that each is from: of those that have it the nearest.
+    """
+    return {
+        name: (value, file)
+        for file in reversed(settings_files(folder))
+        for name, value in read(file).items()
+    }

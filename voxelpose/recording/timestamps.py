@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 TIMESTAMPS = "timestamps.csv"
 _LARGEST_BYTES = 500_000_000
 _LATEST_S = 10**11  # of any clock that counts seconds
-_PER_SECOND = {"s": 1, "ms": 1000, "us": 10**6, "ns": 10**9}
-_COLUMNS = {f"frame_time_{unit}": unit for unit in _PER_SECOND}
+PER_SECOND = {unit: 1000**power for power, unit in enumerate("s ms us ns".split())}
+"""By units of time, how many are a second."""
+_COLUMNS = {f"frame_time_{unit}": unit for unit in PER_SECOND}
 _SLOWEST, _FASTEST = 1, 1000  # frames per second
 _LASTING = 30  # frames
 _UNIT_REMEDY = "name the unit in the header (frame_time_ms, _us, _ns), or correct the times"
@@ -67,7 +68,7 @@ def read_timestamps(
     unit, notes = _COLUMNS.get(column, ""), ()
     if not unit:
         unit, notes = _unit_by_rate(path, readers, times)
-    times = {name: taken / _PER_SECOND[unit] for name, taken in times.items()}
+    times = {name: taken / PER_SECOND[unit] for name, taken in times.items()}
     for name, taken in times.items():
         if len(taken) and not np.abs(taken).max() < _LATEST_S:
             raise InputError(
@@ -105,7 +106,7 @@ def _unit_by_rate(
     if all(possible_rate(1 / step) for step in steps.values()):
         return "s", ()
     known = [(step, rate) for name, step in steps.items() if (rate := readers[name].fps)]
-    for unit, per_second in _PER_SECOND.items():
+    for unit, per_second in PER_SECOND.items():
         if known and all(not rates_differ([per_second / step, rate]) for step, rate in known):
             return unit, (
                 f"{path} is taken to count in {unit}: only so do its rates agree with the videos'",

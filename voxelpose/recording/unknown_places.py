@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Rig
 from calib.errors import InputError
-from calib.storage.documents import load_text, parse_toml
+from calib.storage.documents import LARGEST_SETTINGS, load_text, parse_toml
 from voxelpose.recording.frame_reader import other_size
 from voxelpose.recording.masks import painted
 
 RECORDING_FILE = "recording.toml"
-_LARGEST_BYTES = 1_000_000
 _FARTHEST_PX = 30_000  # of a corner from the picture's own
 _EXAMPLE = "cam_1 = [[[0, 300], [200, 300], [200, 480], [0, 480]]]"
 
@@ -74,7 +73,7 @@ def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray
     """
     if not path.exists():
         return {}
-    table = parse_toml(load_text(path, _LARGEST_BYTES), path)
+    table = parse_toml(load_text(path, LARGEST_SETTINGS), path)
     for key in table:
         if key != "unknown":
             raise InputError(f"{path}: {key[:40]!r} is not known: use [unknown]")

@@ -8,8 +8,7 @@ from typing import Any
 from calib.errors import InputError
 from calib.storage.atomic import replacing
 from silhouette_core.progress import Reporter
-from voxelpose.calibration.sync import Sync
-from voxelpose.calibration.sync_verdict import sync_findings
+from voxelpose.calibration.sync import Sync, sync_findings
 from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
 from voxelpose.cli.export import Export

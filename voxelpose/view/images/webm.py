@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import InputError
-from voxelpose.recording.ffmpeg import QUIET, program
+from voxelpose.recording.ffmpeg import QUIET, program, video_address
 
 # As fast as VP9 gets, which is about as fast as OpenCV's MPEG-4; OpenCV's own VP8 and VP9 take no
 # options and 17 and 70 times as long. Constant quality; one thread, as there is a file per camera.
@@ -34,7 +34,7 @@ class WebmWriter:
         words += ["-r", f"{fps}", "-i", "-", *_OPTIONS.split(), "-threads", "1"]
         # Ctrl-C is this program's: what is half-written is removed by it.
         self._encoder = subprocess.Popen(
-            [*words, str(path.absolute())],
+            [*words, video_address(path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             start_new_session=True,
@@ -55,7 +55,7 @@ class WebmWriter:
     def close(self) -> None:
         """Completes the file, and checks that it holds every frame. OSError where it does not."""
         self.release()
-        capture = cv2.VideoCapture(str(self.path.absolute()))
+        capture = cv2.VideoCapture(video_address(self.path))
         written = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         capture.release()
         if written != self.frames:

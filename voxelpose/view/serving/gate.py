@@ -44,7 +44,7 @@ _HEAD_S = 10
 _MOST_LINKS = 100
 _MOST_PORTS = 20
 _LEAST_TOKEN = 8
-_LAST_PORT = 65_535
+LAST_PORT = 2**16 - 1
 
 
 @dataclass(frozen=True)
@@ -236,9 +236,9 @@ class Address:
             )
         if self.token is not None and len(self.token) < _LEAST_TOKEN:
             raise InputError(f"--token is short: take at least {_LEAST_TOKEN} characters")
-        if not 0 <= self.port <= _LAST_PORT:  # the system may take it for another
+        if not 0 <= self.port <= LAST_PORT:  # the system may take it for another
             raise InputError(
-                f"--port {self.port}: ports are numbers from 1 to {_LAST_PORT}: choose another"
+                f"--port {self.port}: ports are numbers from 1 to {LAST_PORT}: choose another"
             )
 
     def url(self, port: int) -> str:
