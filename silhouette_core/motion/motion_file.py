@@ -187,6 +187,7 @@ def _motion(about: Mapping[str, str], arrays: Mapping[str, NDArray[Any]]) -> Mot
         model=_model(about, arrays),
         unfiltered=None,
         corrections=(),
+        sampled_from=None,
         **{name: arrays[name] for name in (*_POSES, "frames", "time_s")},
         quality=with_prefix(arrays, _QUALITY),
         up=arrays.get("up", Z_UP),  # earlier files have z up
