@@ -21,6 +21,7 @@ from calib.errors import InputError
 
 _PARTIAL = r"\.{stem}\.partial-(\d+)-[0-9a-f]{{8}}{suffix}"
 _LEFTOVER = r"{name}\.(?P<kind>partial|old)-\d+-[0-9a-f]{{8}}"
+_UNFINISHED = re.compile(_LEFTOVER.format(name="(?P<name>.+)"))
 _LOCK, _SOFT_LOCK = ".{name}.lock", ".{name}.softlock"
 # Network file systems without a lock service; None is of filelock's own refusal.
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, None)
@@ -88,6 +89,11 @@ def written_paths() -> list[Path]:
 def partial_mark() -> str:
     """Part of a name that tells which process is still writing."""
     return f"partial-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+
+
+def is_unfinished(name: str) -> bool:
+    """Whether a folder of this name is still being written, or left of that by a killed process."""
+    return _UNFINISHED.fullmatch(name) is not None
 
 
 def is_disk_full(error: OSError) -> bool:
@@ -342,8 +348,7 @@ def remove_leftovers(folder: Path) -> list[Path]:
         entries = sorted(folder.iterdir())
     except OSError as error:
         raise InputError(f"{folder} cannot be read: {error.strerror or error}") from error
-    pattern = _LEFTOVER.format(name="(?P<name>.+)")
-    matches = [re.fullmatch(pattern, entry.name) for entry in entries]
+    matches = [_UNFINISHED.fullmatch(entry.name) for entry in entries]
     for name in sorted({match["name"] for match in matches if match}):
         with suppress(InputError), claimed(folder / name):  # else somebody is writing it
             removed += recover(folder / name)

@@ -13,6 +13,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from calib.errors import InputError
+from calib.storage.atomic import is_unfinished
 
 LARGEST_CALIBRATION = 10_000_000
 """Bytes of a calibration; a hundred cameras take a hundredth of it."""
@@ -34,11 +35,13 @@ _LONGEST_INTEGER = 300  # digits; more are no finite float64
 
 
 def visible_entries(folder: Path) -> list[Path]:
-    """Entries of a folder by name, but for hidden ones: a Mac puts ._NAME beside each file on other
-    systems' disks. None where there is no such folder. InputError where it cannot be listed.
+    """Entries of a folder by name, but for hidden ones (a Mac puts ._NAME beside each file on
+    other systems' disks) and folders that are not finished. None where there is no such folder.
+    InputError where it cannot be listed.
     """
     try:
-        return sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        entries = [path for path in folder.iterdir() if not path.name.startswith(".")]
+        return sorted(path for path in entries if not is_unfinished(path.name))
     except (FileNotFoundError, NotADirectoryError):
         return []
     except OSError as error:

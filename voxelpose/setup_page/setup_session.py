@@ -279,7 +279,7 @@ class SetupSession:
             change_section(self.folder / SETTINGS_FILE, "fit", {"unit": None})  # stated now
             opened = self._opened
             self._open(OpenedFolder.open(self.folder, None, opened.fps, opened.label))
-        self._job.forget()
+        self._job.stop(status["number"])
         return {"written": [path.name for path in written]}
 
     def save(self, asked: page_requests.SaveRequest) -> dict[str, Any]:

@@ -42,7 +42,7 @@ _KINDS = {
 }
 
 
-class CalibrationAsked(Struct, forbid_unknown_fields=True):
+class CalibrationAsked(Struct, forbid_unknown_fields=True, tag=True):
     """A calibration, with the settings that are typed in, of the board's pictures, of clicked
     points, or of the project's own videos.
     """
@@ -125,7 +125,7 @@ class CalibrationStep:
         if name == "sync" and asked.of == "take":  # whatever is in the files: nobody carries one
             given = given | dict.fromkeys(_OF_BOARD)
         command = filled_in(f"calibrate.{name}", self._folder, project, fixed, given)
-        self._job.start(kind, asked.project, calibrate, command, step="calibrate")
+        self._job.start(kind, asked.project, calibrate, command, step="calibrate", asked=asked)
         settings = {key: value for key, value in asked.settings.items() if key not in _OF_BOARD}
         change_section(project / SETTINGS_FILE, f"calibrate.{name}", settings)
         if name != "sync":

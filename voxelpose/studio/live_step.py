@@ -31,7 +31,7 @@ _Receivers = Annotated[
 ]
 
 
-class LiveAsked(Struct, forbid_unknown_fields=True):
+class LiveAsked(Struct, forbid_unknown_fields=True, tag=True):
     """A session with its cameras, none for the project's own videos, and its receivers."""
 
     project: Name
@@ -79,7 +79,8 @@ class LiveStep:
         command.check()
         self._token = secrets.token_urlsafe(32)
         title = f"{asked.project} – live"
-        self._job.start(LIVE, asked.project, follow, command, title, self._token, step="live")
+        arguments = command, title, self._token
+        self._job.start(LIVE, asked.project, follow, *arguments, step="live", asked=asked)
         change_section(project / SETTINGS_FILE, "live", asked.settings)
         change_section(project / SETTINGS_FILE, "live", {"send": list(asked.receivers)})
         if sources:

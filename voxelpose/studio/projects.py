@@ -208,9 +208,7 @@ class StudioFolder:
         }
         try:
             people = people_folders(self.checked_inside(folder))
-            recording = self._recording_of(people[0])
-            if recording.parent == self.root:
-                known["project"] = recording.name
+            known["project"] = self.project_of(folder)
             summaries = {person.name: load_summary(person / SUMMARY) for person in people}
         except InputError as error:
             return known | {"level": "failed", "words": str(error)}
@@ -227,6 +225,13 @@ class StudioFolder:
             "frames": f"{whom}{frames} frames",
             "people": [*verdicts] if len(people) > 1 else [],
         }
+
+    def project_of(self, folder: Path) -> str | None:
+        """Name of the project of which a result was made; None: it is not here. InputError where
+        the result is damaged.
+        """
+        recording = self._recording_of(people_folders(folder)[0])
+        return recording.name if recording.parent == self.root else None
 
     def _recording_of(self, folder: Path) -> Path:
         settings = load_settings(folder / SETTINGS)

@@ -47,7 +47,7 @@ class SourceNamed(Struct, forbid_unknown_fields=True):
     address: Annotated[str, Meta(min_length=1, max_length=1000)]
 
 
-class RecordAsked(Struct, forbid_unknown_fields=True):
+class RecordAsked(Struct, forbid_unknown_fields=True, tag=True):
     """Cameras that are to be opened, and what is recorded when they have been looked at."""
 
     project: Name
@@ -114,7 +114,7 @@ class RecordStep:
             _EVERY_MS[asked.what] / 1000,
             None if is_take else board_in(project),
         )
-        self._job.start(RECORDING, asked.project, record, plan, step="record")
+        self._job.start(RECORDING, asked.project, record, plan, step="record", asked=asked)
         self.keep(project, sources, asked.loop)
 
     def sources(self, named: list[SourceNamed]) -> tuple[CameraSource, ...]:

@@ -1,12 +1,19 @@
-"""What the studio has done in a process of its own: an estimation, a calibration, an export."""
+"""What the studio has done in a process of its own: an estimation, a calibration, an export; and
+the file that tells which of it an end of the program has interrupted.
+"""
 
 import math
 import zipfile
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from calib.errors import InputError
-from calib.storage.atomic import replacing
+from calib.storage.atomic import FolderWriter, claimed, replacing, write_whole
+from calib.storage.documents import load_bytes
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.sync import Sync, sync_findings
 from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
@@ -14,14 +21,64 @@ from voxelpose.cli.calibrate_sync import CalibrateSync
 from voxelpose.cli.export import Export
 from voxelpose.cli.fit import EstimationArguments
 from voxelpose.compile_ahead import compiling_beside
-from voxelpose.recording.folder import Recording
+from voxelpose.demo.room import make_recording
+from voxelpose.recording.folder import Recording, is_recording
 from voxelpose.report.page import REPORT, write_report
-from voxelpose.view.serving.page_job import StepError
+from voxelpose.view.serving.page_job import StepError, Unfinished
 
 EXPORTED = "export.zip"
 """File of a result's folder that holds the latest export."""
+JOBS_FILE = ".studio_jobs.json"
+"""Hidden file of the studio's folder with the jobs that have not ended."""
+_LARGEST_JOBS = 10_000_000  # bytes
 _PICTURES = "contact_sheet.png", "overlay_*.webm"
 _OF_CHECK = "silhouette", "background", "region", "cameras do not agree", "calibrate check"
+
+
+class JobsFile:
+    """The jobs that have not ended, in a file of the studio's folder; it is neither read nor
+    written while another studio is open in that folder, or where nothing can be written.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self._path, self._claim = root / JOBS_FILE, ExitStack()
+        self._is_claimed = False
+        with suppress(InputError):
+            self._claim.enter_context(claimed(self._path))
+            self._is_claimed = True
+
+    def read(self) -> list[Unfinished]:
+        """Jobs that an earlier end of the program has interrupted. InputError where the file is
+        damaged.
+        """
+        if not self._is_claimed or not self._path.exists():
+            return []
+        try:
+            content = load_bytes(self._path, _LARGEST_JOBS)
+            return msgspec.json.decode(content, type=list[Unfinished])
+        except (msgspec.DecodeError, UnicodeError, RecursionError):
+            raise InputError(f"{self._path} is damaged: remove it") from None
+
+    def write(self, unfinished: Sequence[Unfinished]) -> None:
+        """Writes jobs that have not ended; no file where there is none."""
+        with suppress(InputError, OSError):  # the jobs themselves go on
+            if self._is_claimed and unfinished:
+                write_whole(self._path, msgspec.json.encode(unfinished))
+            elif self._is_claimed:
+                self._path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Leaves the file to another studio."""
+        self._claim.close()
+
+
+def demo(reporter: Reporter, command: EstimationArguments, root: Path) -> dict[str, Any]:
+    """Renders a small recording, unless it is there, and estimates its motion, see `estimate`."""
+    if not is_recording(command.recording):
+        reporter.stage("making a recording")
+        with FolderWriter(command.recording) as folder:
+            make_recording(folder)
+    return estimate(reporter, command, root)
 
 
 def estimate(reporter: Reporter, command: EstimationArguments, root: Path) -> dict[str, Any]:

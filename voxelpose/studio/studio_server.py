@@ -75,6 +75,8 @@ class StudioServer(GatedServer):
                 "api/remove": session.remove,
                 "api/calibration": session.take_calibration,
                 "api/fit": session.start_fit,
+                "api/fits": session.start_fits,
+                "api/demo": session.start_demo,
                 "api/board": session.calibration.sheet,
                 "api/calibrate": session.calibration.start,
                 "api/record": session.recording.start,
@@ -83,6 +85,8 @@ class StudioServer(GatedServer):
                 "api/ask": session.ask,
                 "api/export": session.start_export,
                 "api/stop": session.job.stop,
+                "api/repeat": session.repeat,
+                "api/queue": session.job.put_before,
             },
         )
         super().__init__(address, self._answer, session.close, LARGEST_BODY, LARGEST_UPLOAD)
@@ -123,12 +127,18 @@ class StudioServer(GatedServer):
         return await self._session.viewers.browser(name).answer(request.below(parts + 2))
 
     def _statuses(self) -> Iterator[dict[str, Any] | None]:
-        """The job's state whenever it has changed, else None."""
+        """Numbers of all jobs in their `order`, and the states that have `changed`, else None."""
         job, sent_version = self._session.job, -1
+        sent: dict[int, dict[str, Any]] = {}
         while True:
             version = job.version
-            yield job.status() if version != sent_version else None
-            sent_version = version
+            if version == sent_version:
+                yield None
+                continue
+            states = {state["number"]: state for state in job.states()}
+            changed = [state for number, state in states.items() if state != sent.get(number)]
+            yield {"order": list(states), "changed": changed}
+            sent_version, sent = version, states
 
     def _preview(self, camera: str) -> bytes:
         picture = self._session.job.picture(camera)

@@ -1,15 +1,18 @@
 """What the studio's page shows of its folder, and what it has done there."""
 
 import threading
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from itertools import chain, count
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
+import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 
 from calib.errors import InputError
 from calib.storage.atomic import write_whole
+from calib.storage.documents import visible_entries
 from voxelpose.cli.fit import SHARES
 from voxelpose.cli.options import FolderSetting, folder_settings
 from voxelpose.recording.folder import Recording, calibration_path
@@ -20,14 +23,14 @@ from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.opened_folder import OpenedFolder
 from voxelpose.setup_page.page_requests import Typed
 from voxelpose.setup_page.setup_session import SetupSession
-from voxelpose.studio.calibration_step import CalibrationStep
+from voxelpose.studio.calibration_step import CalibrationAsked, CalibrationStep
 from voxelpose.studio.command_forms import errors_at_fields, export_formats, filled_in, form_of
 from voxelpose.studio.file_places import Chosen, takes_among
-from voxelpose.studio.live_step import LiveStep
+from voxelpose.studio.live_step import LiveAsked, LiveStep
 from voxelpose.studio.project_changes import ProjectChanges
 from voxelpose.studio.projects import StudioFolder, check_plain_name
-from voxelpose.studio.record_step import JobWord, RecordStep
-from voxelpose.studio.studio_jobs import estimate, export
+from voxelpose.studio.record_step import JobWord, RecordAsked, RecordStep
+from voxelpose.studio.studio_jobs import JobsFile, demo, estimate, export
 from voxelpose.studio.uploads import (
     check_size,
     conflicts_of,
@@ -37,13 +40,14 @@ from voxelpose.studio.uploads import (
     remove_file,
 )
 from voxelpose.view.images.canvas import encoded
-from voxelpose.view.serving.page_answers import Name
+from voxelpose.view.serving.page_answers import Name, not_understood
 from voxelpose.view.serving.page_job import PageJob
 from voxelpose.view.viewer.browser import Browser
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 Command = Literal["fit", "track"]
 _MOST_VIEWERS = 4
+_DEMO = "demo_recording"  # the name of its project
 Bytes = Annotated[int, Meta(ge=0, le=2**50)]
 _MOST_FILES = 200_000
 
@@ -71,14 +75,32 @@ class FileSent(Struct, forbid_unknown_fields=True):
     replace: Literal["", "1"] = ""
 
 
-class FitAsked(Struct, forbid_unknown_fields=True):
+class FitAsked(Struct, forbid_unknown_fields=True, tag=True):
     """An estimation, with the settings that are typed in; None: the usual value."""
 
     project: Name
     command: Command
-    out: Name
+    out: Annotated[str, Meta(max_length=200)] = ""  # "": a name that is free
     overwrite: bool = False
     settings: Typed = {}
+
+
+class DemoAsked(Struct, forbid_unknown_fields=True, tag=True):
+    """The program's own recording, and its estimation."""
+
+
+class ExportAsked(Struct, forbid_unknown_fields=True, tag=True):
+    """An export of a result."""
+
+    result: Name
+    formats: Annotated[list[Name], Meta(max_length=20)]
+    report: bool = False
+    pictures: bool = False
+    person: str = ""
+    settings: Typed = {}
+
+
+_AnyAsked = FitAsked | DemoAsked | ExportAsked | CalibrationAsked | RecordAsked | LiveAsked
 
 
 class OpenedViewers:
@@ -119,10 +141,12 @@ class OpenedViewers:
 
 
 class StudioSession:
-    """The studio's folder, its one job, its viewers, and the set-up of one project."""
+    """The studio's folder, its jobs, its viewers, and the set-up of one project."""
 
     def __init__(self, folder: StudioFolder) -> None:
-        self.folder, self.job, self.viewers = folder, PageJob(), OpenedViewers()
+        """InputError where the file of interrupted jobs is damaged."""
+        self.folder, self.viewers, self._jobs_file = folder, OpenedViewers(), JobsFile(folder.root)
+        self.job = PageJob(self._jobs_file.read(), self._jobs_file.write)
         self.changes = ProjectChanges(folder)
         self.calibration = CalibrationStep(folder, self.job)
         self.recording = RecordStep(folder, self.job)
@@ -133,6 +157,7 @@ class StudioSession:
     def close(self) -> None:
         """Ends what is running."""
         self.job.close()
+        self._jobs_file.close()
         self.viewers.close()
         if self._setup is not None:
             self._setup[1].close()
@@ -176,6 +201,7 @@ class StudioSession:
             "fps": recording.fps,
             "notes": list(recording.notes),
             "command": "fit" if len(names) > 1 else "track",
+            "outs": {command: self._free_out(project, command) for command in get_args(Command)},
         }
 
     def plan(self, asked: FilesChosen) -> dict[str, Any]:
@@ -275,44 +301,102 @@ class StudioSession:
         folder = self.folder.project(project)
         return form_of(command, folder, self.folder.result(like) if like else None)
 
+    def _free_out(self, project: str, command: Command) -> str:
+        """A name for the next result of a project."""
+        taken = {path.name for path in visible_entries(self.folder.root)}
+        jobs = [job.asked for job in self.job.unfinished()]
+        taken |= {asked.out for asked in jobs if isinstance(asked, FitAsked)}
+        stem = f"{project}_{command}"
+        names = chain([stem], (f"{stem}_{number}" for number in count(2)))
+        return next(name for name in names if name not in taken)
+
     def start_fit(self, asked: FitAsked) -> None:
-        """Begins an estimation, and keeps its settings in the project. InputError where another job
-        is running, a setting makes no sense, or the result must not be written there.
+        """Begins an estimation, or lets it wait for other jobs, and keeps its settings in the
+        project. InputError where a setting makes no sense, or the result must not be written there.
         """
         project = self.folder.project(asked.project)
+        if not asked.out:
+            asked = msgspec.structs.replace(asked, out=self._free_out(project.name, asked.command))
         out = self.folder.out(asked.out, asked.overwrite)
-        fixed = {"recording": project, "out": out}
+        fixed = {"recording": project, "out": out, "overwrite": asked.overwrite}
         command = filled_in(asked.command, self.folder, project, fixed, asked.settings)
         with errors_at_fields(asked.command):  # before the work, not in it
             command.check()
             command.settings()
             command.open()
-        shares, root = SHARES.get(command.chosen_estimator), self.folder.root
-        self.job.start(asked.command, asked.project, estimate, command, root, shares=shares)
+        self._begin_estimation(asked.command, estimate, command, asked)
         change_section(project / SETTINGS_FILE, asked.command, asked.settings)
 
-    def start_export(
-        self,
-        result: Name,
-        formats: Annotated[list[Name], Meta(max_length=20)],
-        report: bool = False,
-        pictures: bool = False,
-        person: str = "",
-        settings: Typed | None = None,
-    ) -> None:
-        """Begins an export, of one of several people or of all. InputError where another job is
-        running, there is no such result or person, or a setting makes no sense.
+    def start_fits(self, projects: Annotated[list[Name], Meta(max_length=1000)]) -> dict[str, Any]:
+        """Begins an estimation of each of several projects, one after the other, with its own
+        settings; returns why some are `refused`, by their names.
         """
-        folder = self.folder.result(result)
-        known = [name for name in export_formats() if name in formats]
-        if not known and not report and not pictures:
+        refused: dict[str, str] = {}
+        for name in projects:
+            try:
+                known = self.project(name)
+                command = known["command"]
+                if command is None or (known["fault"] and command == "fit"):
+                    raise InputError(known["fault"])
+                self.start_fit(FitAsked(name, command))
+            except InputError as error:
+                refused[name] = str(error)
+        return {"refused": refused}
+
+    def start_demo(self, asked: DemoAsked) -> None:
+        """Makes a recording and estimates its motion. InputError where its result is there."""
+        out = self.folder.out(f"{_DEMO}_fit", overwrite=False)
+        project = self.folder.root / _DEMO
+        if project.exists():
+            self.folder.project(_DEMO)
+        fixed = {"recording": project, "out": out, "overwrite": False}
+        command = filled_in("fit", self.folder, project, fixed, {})
+        self._begin_estimation("fit", demo, command, asked)
+
+    def _begin_estimation(
+        self, kind: Command, work: Callable[..., dict[str, Any]], command: Any, asked: Struct
+    ) -> None:
+        shares, of = SHARES.get(command.chosen_estimator), command.recording.name
+        arguments = work, command, self.folder.root
+        self.job.start(kind, of, *arguments, shares=shares, asked=asked, waits=True)
+
+    def start_export(self, asked: ExportAsked) -> None:
+        """Begins an export, of one of several people or of all, or lets it wait for other jobs.
+        InputError where there is no such result or person, or a setting makes no sense.
+        """
+        folder = self.folder.result(asked.result)
+        known = [name for name in export_formats() if name in asked.formats]
+        if not known and not asked.report and not asked.pictures:
             raise InputError("nothing is chosen: choose a format, the report or the pictures")
-        people = {one.name: one for one in people_folders(folder)} if person else {"": folder}
-        if person not in people:
-            raise InputError(f"{result} has no person {person[:40]!r}: choose another one")
-        fixed = {"result": people[person], "to": ",".join(known), "out": None}
-        command = filled_in("export", self.folder, folder, fixed, settings or {})
-        self.job.start("export", result, export, folder, command, report, pictures)
+        people = {one.name: one for one in people_folders(folder)} if asked.person else {"": folder}
+        if asked.person not in people:
+            line = f"{asked.result} has no person {asked.person[:40]!r}: choose another one"
+            raise InputError(line)
+        fixed = {"result": people[asked.person], "to": ",".join(known), "out": None}
+        command = filled_in("export", self.folder, folder, fixed, asked.settings)
+        arguments = export, folder, command, asked.report, asked.pictures
+        project = self.folder.project_of(folder) or ""
+        self.job.start("export", asked.result, *arguments, asked=asked, waits=True, project=project)
+
+    def repeat(self, number: int) -> None:
+        """Begins a job that was interrupted, stopped, or has failed once more, as it was asked for.
+        InputError where that cannot be.
+        """
+        content = msgspec.to_builtins(self.job.asked(number))
+        try:
+            asked = msgspec.convert(content, _AnyAsked)
+        except msgspec.ValidationError as error:
+            raise not_understood(error) from None
+        begins: dict[type[Struct], Callable[[Any], None]] = {
+            FitAsked: self.start_fit,
+            DemoAsked: self.start_demo,
+            ExportAsked: self.start_export,
+            CalibrationAsked: self.calibration.start,
+            RecordAsked: self.recording.start,
+            LiveAsked: self.live.start,
+        }
+        begins[type(asked)](asked)
+        self.job.stop(number)  # it is named no more
 
     def sheet(self, result: str) -> bytes:
         """The contact sheet of a result as JPEG. InputError where there is none."""

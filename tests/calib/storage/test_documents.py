@@ -1,7 +1,14 @@
 import pytest
 
 from calib.errors import InputError
-from calib.storage.documents import csv_rows, load_text, parse_json, parse_toml, parse_xml
+from calib.storage.documents import (
+    csv_rows,
+    load_text,
+    parse_json,
+    parse_toml,
+    parse_xml,
+    visible_entries,
+)
 
 
 def test_text_is_bounded_and_decoded(tmp_path):
@@ -91,3 +98,10 @@ def test_a_damaged_table_is_one_line(tmp_path, content, message):
     with pytest.raises(InputError, match=message) as caught:
         list(csv_rows(tmp_path / "t.csv", ("a", "b"), 300_000))
     assert "t.csv" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_hidden_and_unfinished_entries_are_left_out(tmp_path):
+    for name in ("walk", "._walk", "walk.partial-12-0123abcd", "walk.old-12-0123abcd", "a.partial"):
+        (tmp_path / name).mkdir()
+    assert [path.name for path in visible_entries(tmp_path)] == ["a.partial", "walk"]
+    assert visible_entries(tmp_path / "none") == []

@@ -14,11 +14,11 @@ from voxelpose.view.serving.gate import Address
 
 
 @contextmanager
-def opened_studio(root: Path, token: str | None = None) -> Iterator[StudioServer]:
+def opened_studio(root: Path, token: str | None = None, port: int = 0) -> Iterator[StudioServer]:
     """The studio; leaves no thread of its own behind."""
     before = set(threading.enumerate())
     session = StudioSession(StudioFolder(root))
-    server = StudioServer(session, Address("127.0.0.1", 0, token))
+    server = StudioServer(session, Address("127.0.0.1", port, token))
     try:
         yield server
     finally:

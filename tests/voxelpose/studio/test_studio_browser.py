@@ -36,30 +36,41 @@ REFUSED = "Failed to load resource: the server responded with a status of 400 (B
 def test_from_an_empty_folder_to_exported_motion(desk):
     files, root = write_staged(desk / "files", waving(4), ring(3, (320, 240))), desk / "root"
     root.mkdir()
-    with opened_studio(root) as server, new_page(WIDTH, 844) as (page, faults):
-        page.goto(server.url)
-        page.locator("#new_name").fill("anna walk")
-        page.keyboard.press("Enter")
-        bring_files(page, files)
-        fits(page)
-        page.get_by_role("link", name="Next: Check").click()
-        page.locator(".tile").nth(2).wait_for()
-        fits(page)
-        page.locator("#next").click()
-        fit(page)
-        view(page)
-        page.get_by_role("link", name="Next: Export").click()
-        page.locator("#set_skeleton").select_option("mixamo")
-        with page.expect_download(timeout=120_000) as download:
-            page.locator("#start").click()
-        fits(page)
-        archive(download.value)
-        page.get_by_role("link", name="Projects").click()
-        page.get_by_role("link", name="anna walk_fit", exact=True).wait_for()
-        change_projects(page)
-        # A page that is left gives up following the job; two requests are refused on purpose.
-        assert [fault for fault in faults if not fault.endswith("/events")] == [REFUSED] * 2
+    with new_page(WIDTH, 844) as (page, faults):
+        with opened_studio(root) as server:
+            page.goto(server.url)
+            go_the_whole_way(page, files)
+            # A page that is left gives up following the job; two requests are refused on purpose.
+            assert [fault for fault in faults if not fault.endswith("/events")] == [REFUSED] * 2
+            port = server.port
+        page.locator("#lost").get_by_text("No connection: ").wait_for(timeout=3000)
+        page.locator("#new_name").fill("typed")
+        with opened_studio(root, port=port):
+            page.locator("#lost").wait_for(state="hidden")
+        assert page.locator("#new_name").input_value() == "typed"
     assert is_result(root / "anna walk_fit")
+
+
+def go_the_whole_way(page, files) -> None:
+    page.locator("#new_name").fill("anna walk")
+    page.keyboard.press("Enter")
+    bring_files(page, files)
+    fits(page)
+    page.get_by_role("link", name="Next: Check").click()
+    page.locator(".tile").nth(2).wait_for()
+    fits(page)
+    page.locator("#next").click()
+    fit(page)
+    view(page)
+    page.get_by_role("link", name="Next: Export").click()
+    page.locator("#set_skeleton").select_option("mixamo")
+    with page.expect_download(timeout=120_000) as download:
+        page.locator("#start").click()
+    fits(page)
+    archive(download.value)
+    page.get_by_role("link", name="Projects").click()
+    page.get_by_role("link", name="anna walk_fit", exact=True).wait_for()
+    change_projects(page)
 
 
 @pytest.mark.slow
@@ -155,7 +166,7 @@ def fit(page) -> None:
     fits(page)
     page.locator("#set_frames").fill("")
     page.locator("#start").click()
-    page.locator("#stop").wait_for()
+    page.locator("#jobs li.running").wait_for()
     page.reload()  # it finds its job again
     page.locator(".verdict .tag").wait_for(timeout=120_000)
     assert page.locator(".verdict h3").text_content() == "anna walk_fit"
@@ -171,7 +182,7 @@ def view(page) -> None:
     viewer = opened.value
     viewer.get_by_text("Frame 2,").wait_for(timeout=120_000)  # drawn, by way of its WebSocket
     assert viewer.title().startswith("anna walk_fit")
-    viewer.get_by_role("link", name="Why is a pixel").wait_for()
+    viewer.get_by_role("link", name="Why is a pixel").wait_for(timeout=120_000)
     viewer.close()
 
 
@@ -282,7 +293,7 @@ def lenses(page, stills) -> None:
     page.locator("input[data-folder=boards]").set_input_files(stills)
     page.locator(".card[data-camera=cam_3] img").wait_for(timeout=30_000)
     page.locator("#start_lenses").click()
-    page.locator("[data-job=lenses] #stop").wait_for()
+    page.locator("#jobs li.running").wait_for()
     page.locator(".coverage canvas").nth(2).wait_for(timeout=120_000)
     page.locator(".card[data-camera=cam_1] .good").get_by_text("of 12 pictures").wait_for()
     fits(page)

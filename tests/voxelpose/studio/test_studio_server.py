@@ -10,6 +10,8 @@ import zipfile
 
 import pytest
 
+from calib.errors import InputError
+from calib.storage.documents import visible_entries
 from silhouette_core.progress import SilentReporter
 from tests.clips import waving
 from tests.sources import ring, write_staged
@@ -19,14 +21,15 @@ from voxelpose.cli.options import folder_settings, load_command, options_of
 from voxelpose.results import is_result
 from voxelpose.studio.command_forms import filled_in
 from voxelpose.studio.projects import StudioFolder
-from voxelpose.studio.studio_jobs import estimate
+from voxelpose.studio.studio_jobs import JOBS_FILE, estimate
+from voxelpose.studio.studio_session import StudioSession
 from voxelpose.view.serving.page_job import StepError
 
 TOKEN = "open sesame"
 POSTS = (
     *("/api/new", "/api/plan", "/api/remove", "/api/fit", "/api/export", "/api/board"),
     *("/api/calibrate", "/api/calibration", "/api/record", "/api/live", "/api/receivers"),
-    *("/api/ask", "/api/stop", "/upload"),
+    *("/api/ask", "/api/stop", "/api/fits", "/api/demo", "/api/repeat", "/api/queue", "/upload"),
 )
 GETS = (
     "/",
@@ -93,7 +96,7 @@ def test_no_name_leads_out_of_the_folder(studio, desk, name):
     for path, body in (
         ("/api/new", {"name": name}),
         ("/api/fit", {"project": name, "command": "fit", "out": "x"}),
-        ("/api/fit", {"project": "walk", "command": "fit", "out": name}),
+        ("/api/fit", {"project": "walk", "command": "fit", "out": name or "."}),
         ("/api/export", {"result": name, "formats": ["bvh"]}),
         ("/api/remove", {"project": name, "name": "cam_1.mkv"}),
         ("/api/remove", {"project": "walk", "name": name}),
@@ -149,14 +152,17 @@ def test_the_form_is_the_commands_own(studio, desk):
 @pytest.mark.slow
 def test_a_fit_is_followed_refused_a_second_time_and_exported(studio, desk):
     assert start(studio)[0] == 200
-    status, answer = start(studio, "again")
-    assert status == 400 and "the fit of walk is still running" in answer["error"]
+    assert start(studio, "more")[0] == 200
+    waiting = studio._session.job.states()[-1]
+    assert (waiting["state"], waiting["of"]) == ("waiting", "walk")
+    assert ask(studio, "/api/project?project=walk")[1]["outs"]["fit"] == "walk_fit"
+    assert ask(studio, "/api/stop", {"number": waiting["number"]})[0] == 200
     status, answer = ask(studio, "/api/remove", {"project": "walk", "name": "cam_1.mkv"})
     assert status == 400 and "reads its files" in answer["error"]
     seen = events(studio)
     assert seen[0]["state"] == "running" and seen[-1]["state"] == "done"
     assert seen[-1]["result"] == "fitted"
-    assert not (desk / "root" / "again").exists()
+    assert not (desk / "root" / "more").exists()
     (result,) = ask(studio, "/api/state")[1]["results"]
     assert result["project"] == "walk" and result["frames"] == "3 of 4 frames"
     assert result["level"] == "doubtful" and result["words"].startswith("doubtful: ")
@@ -172,15 +178,16 @@ def test_a_fit_is_followed_refused_a_second_time_and_exported(studio, desk):
 
 
 def events(server) -> list[dict]:
-    """States of the job until it has ended, as they are sent."""
+    """States of the latest job until it has ended, as they are sent."""
     found: list[dict] = []
     url = f"http://127.0.0.1:{server.port}/events"
     with urllib.request.urlopen(url, timeout=60) as answer:
         assert answer.headers["Content-Type"] == "text/event-stream"
         for line in answer:
             if line.startswith(b"data: "):
-                found.append(json.loads(line[6:]))
-                if found[-1]["state"] != "running":
+                sent = json.loads(line[6:])
+                found += [] if sent == 0 else sent["changed"][-1:]
+                if found[-1]["state"] not in ("running", "waiting"):
                     break
     return found
 
@@ -262,9 +269,51 @@ def test_a_fit_that_is_stopped_leaves_nothing(studio, desk):
         time.sleep(0.05)
     assert ask(studio, "/api/stop", {})[0] == 200
     assert ended(studio)["state"] == "stopped"
-    assert sorted(path.name for path in (desk / "root").iterdir()) == ["walk"]
+    assert [path.name for path in visible_entries(desk / "root")] == ["walk"]
     assert start(studio, voxel=None)[0] == 200  # the next may begin, and ends with the studio
     assert not is_result(desk / "root" / "fitted")
+
+
+def test_a_job_that_was_interrupted_is_named_and_begun_again(desk):
+    root = desk / "root"
+    for name in ("walk", "walk_fit.partial-12-0123abcd"):
+        write_staged(root / name, waving(2), ring(2, (320, 240)))
+    with opened_studio(root) as server:
+        assert start(server)[0] == 200
+        assert start(server, "more")[0] == 200
+    with opened_studio(root) as server, opened_studio(root) as other:
+        assert other._session.job.states() == []  # it is the first one's
+        first, second = server._session.job.states()
+        assert (first["state"], first["kind"], first["of"]) == ("interrupted", "fit", "walk")
+        assert [one["name"] for one in ask(server, "/api/state")[1]["projects"]] == ["walk"]
+        assert ask(server, "/api/repeat", {"number": second["number"]})[0] == 200
+        assert ask(server, "/api/repeat", {"number": 99})[0] == 400
+        states = [state["state"] for state in server._session.job.states()]
+        assert states == ["interrupted", "running"]
+        ask(server, "/api/stop", {"number": first["number"]})
+        ask(server, "/api/stop", {})
+        assert ended(server)["state"] == "stopped"
+    assert not (root / JOBS_FILE).exists()
+    (root / JOBS_FILE).write_text('[{"kind": "fit", "of": "walk", "asked": {"type": "Other"}}]')
+    with opened_studio(root) as server:
+        (state,) = server._session.job.states()
+        status, answer = ask(server, "/api/repeat", {"number": state["number"]})
+        assert status == 400 and "not understood" in answer["error"]
+    (root / JOBS_FILE).write_text("[")
+    with pytest.raises(InputError, match=r"jobs\.json is damaged: remove it"):
+        StudioSession(StudioFolder(root))
+
+
+def test_all_recordings_and_the_demo_wait_for_each_other(studio, desk):
+    write_staged(desk / "root" / "run", waving(2), ring(2, (320, 240)))
+    (desk / "root" / "new").mkdir()
+    assert ask(studio, "/api/demo", {})[0] == 200
+    status, answer = ask(studio, "/api/fits", {"projects": ["walk", "new", "run"]})
+    assert status == 200 and list(answer["refused"]) == ["new"]
+    states = studio._session.job.states()
+    assert [state["of"] for state in states] == ["demo_recording", "walk", "run"]
+    assert ask(studio, "/api/queue", {"number": states[2]["number"], "other": states[1]["number"]})
+    assert [state["of"] for state in studio._session.job.states()][1:] == ["run", "walk"]
 
 
 def test_the_check_of_a_project_is_its_set_up(studio):

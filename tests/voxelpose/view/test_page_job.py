@@ -1,4 +1,4 @@
-"""A page's one job, in a process of its own."""
+"""A page's jobs, one at a time in a process of its own, others waiting."""
 
 import os
 import signal
@@ -7,7 +7,7 @@ import time
 import pytest
 
 from calib.errors import InputError
-from voxelpose.view.serving.page_job import PageJob, StepError
+from voxelpose.view.serving.page_job import PageJob, StepError, Unfinished
 
 
 def work(reporter, how, path):
@@ -115,3 +115,45 @@ def test_an_end_before_the_end_is_told_in_a_line(begin, capfd, how, error, step)
     state = begin(how)
     assert (state["state"], state["step"]) == ("failed", step) and state["error"].startswith(error)
     assert ("RuntimeError: a bug" in capfd.readouterr().err) == (how == "bug")
+
+
+def test_others_wait_in_an_order_that_can_be_changed_and_each_can_be_taken_out(
+    begin, job, tmp_path
+):
+    begin("asked", until="second")
+    for of in "abc":
+        job.start("export", of, work, of, tmp_path, asked={"of": of}, waits=True)
+    with pytest.raises(InputError, match="still running"):
+        job.start("recording", "walk", work, "done", tmp_path)
+    numbers = {state["of"]: state["number"] for state in job.states()}
+    job.put_before(numbers["c"], numbers["a"])
+    job.put_before(numbers["b"], numbers["walk"])  # which runs already
+    assert [state["of"] for state in job.states()] == ["walk", "c", "a", "b"]
+    with pytest.raises(InputError, match="cannot be begun from here"):
+        job.asked(numbers["a"])  # it will be, without that
+    job.stop(numbers["a"])
+    job.ask("finish")
+    end = time.monotonic() + 60
+    while {state["state"] for state in job.states()} != {"done"}:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    assert [state["result"] for state in job.states()] == ["finish", "c", "b"]
+    assert job.asked(numbers["c"]) == {"of": "c"}
+    job.stop(numbers["c"])  # is shown no more
+    assert [state["of"] for state in job.states()] == ["walk", "b"]
+
+
+def test_jobs_that_the_end_of_the_program_interrupts_are_told(tmp_path):
+    saved = []
+    job = PageJob([Unfinished("fit", "old", None)], lambda unfinished: saved.append(unfinished))
+    job.start("fit", "walk", work, "wait", tmp_path / "none", asked=1)
+    job.start("fit", "run", work, "done", tmp_path, asked=2, waits=True)
+    job.close()
+    assert saved[-1] == [
+        *(Unfinished("fit", "old", None), Unfinished("fit", "walk", 1), Unfinished("fit", "run", 2))
+    ]
+    later = PageJob(saved[-1])
+    assert [(state["state"], state["repeatable"]) for state in later.states()] == [
+        *(("interrupted", False), ("interrupted", True), ("interrupted", True))
+    ]
+    assert later.status() == {"state": "idle"}

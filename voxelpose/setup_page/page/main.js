@@ -9,6 +9,7 @@ import { Overlays } from "./overlays.js";
 import { placesPanel, pointsPanel } from "./panels.js";
 import { button, by, checkbox, make, notice } from "./elements.js";
 import { pointActions } from "./point_actions.js";
+import { JobBar } from "./job_bar.js";
 import { addRail, addressOf } from "./rail.js";
 import { Store } from "./store.js";
 
@@ -52,6 +53,7 @@ class SetupPage extends CamerasPage {
       tool("save", "Save", "Write the changes into the recording's folder (Ctrl+S)", () => this.save(), "main"));
     if (state.studio) {
       addRail("check", state.studio, state.name);
+      new JobBar(state.studio);
       document.querySelector("h1 span").textContent = "studio";
       document.querySelector("header").append(make("a", { id: "next", class: "button", href: addressOf("fit", state.studio, state.name) }, "Next: Estimate"));
     }

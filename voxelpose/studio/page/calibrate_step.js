@@ -3,7 +3,7 @@
 import { getJson, postJson } from "./api.js";
 import { lensCards, offsetTable, rigFindings } from "./calibration_findings.js";
 import { errorAtField, field, grouped, isWrong, labelled } from "./form_fields.js";
-import { jobPanel } from "./job_panel.js";
+import { allow, outcome } from "./job_panel.js";
 import { button, freeName, make, notice } from "./elements.js";
 import { addressOf } from "./rail.js";
 import { dropTarget, fileList, picker, stemOf, STILLS, VIDEOS } from "./uploads.js";
@@ -16,26 +16,26 @@ export async function calibrateStep(studio, state, project) {
   const step = { studio, project, typed: { board: {}, look: {}, intrinsics: {}, extrinsics: {}, boards: {}, take: {} }, panel: make("div", { "aria-live": "polite" }) };
   step.renew = () => renew(step);
   step.known = await getJson(statePath(step));
-  step.top = make("div");
   const holders = (step.holders = make("div", {}, sheetPart(step), lensPart(step), positionPart(step), timePart(step)));
+  drawLook(step);
   drawFiles(step);
   studio.onFiles(() => drawFiles(step), step.renew);
   let before = null;
-  studio.watch(async (job) => {
+  studio.watch(Object.keys(PARTS), [project], async (job, busy) => {
     const ended = before === "running" && job.state === "done";
     before = job.state;
     if (ended) await renew(step).catch((error) => notice(error.message));
-    const mine = job.of === project && job.kind in PARTS;
-    const place = mine && holders.querySelector(`[data-job=${PARTS[job.kind]}]`);
-    (place || step.top).append(step.panel);
-    if (place) place.closest("details")?.setAttribute("open", "");
-    step.panel.replaceChildren(...(mine || job.state === "running" ? [jobPanel(studio, job, project, () => outcome(job))] : []));
+    const place = holders.querySelector(`[data-job=${PARTS[job.kind]}]`);
+    place?.append(step.panel);
+    place?.closest("details")?.setAttribute("open", "");
+    step.panel.replaceChildren(...outcome(job, project, () => result(job)));
+    step.busy = busy;
     allowStarts(step);
   });
   return [
     make("h2", {}, "Calibrate"),
     make("p", { class: "lead" }, "What the cameras' lenses are like and where they stand, from a printed board. The lenses are done once; the positions again whenever a camera has moved. Files of other programs go into Import instead."),
-    step.top, holders,
+    holders,
     make("div", { class: "row end" }, make("a", { class: "button quiet", id: "next", href: addressOf("check", "./", project) }, "Next: Check")),
   ];
 }
@@ -47,14 +47,14 @@ async function renew(step) {
   drawFiles(step);
 }
 
-function outcome(job) {
+function result(job) {
   if (job.offsets) return [make("h3", {}, "The time of every frame is found"), offsetTable(job), ...job.verdict.map((line) => make("p", { class: "note" }, line))];
   return [make("p", { class: "good" }, job.kind === "lens calibration" ? "The lenses are calibrated: see each camera above." : "The positions are calibrated: does the picture look like the room?")];
 }
 
 const section = (number, title, id, ...parts) => make("section", { class: "job numbered", id }, make("h3", {}, make("i", {}, number), title), ...parts);
 
-const begin = (step, holder, asked) => step.studio.begin("api/calibrate", { project: step.project, ...asked }, step.panel, holder);
+const begin = (step, holder, asked) => step.studio.begin("api/calibrate", { project: step.project, ...asked }, holder);
 
 // The settings of a command, but for those of the board; in their own part of the page.
 const settings = (step, command, names, typed = command, before = []) => make("div", {}, ...grouped(
@@ -80,6 +80,7 @@ function sheetPart(step) {
       const [across, down] = board.squares.map((count) => Number((1000 * count * board.square).toFixed(1)));
       said.replaceChildren(make("p", { class: "fine", id: "measure" }, `A page of ${board.page_mm.join(" × ")} mm. Print it at 100 % ("actual size"), then measure: ${board.squares[0]} squares in a row are ${across} mm, ${board.squares[1]} in a column ${down} mm. If not, divide what you measure by ${board.squares[0]} and correct \`square\` below.`),
         ...(board.symmetric ? [make("p", { class: "note" }, "This board looks the same after half a turn: take one even and one odd number.")] : []));
+      drawLook(step);
       await renew(step);
     } catch (error) {
       if (!errorAtField(holder, error)) notice(error.message);
@@ -96,10 +97,23 @@ function sheetPart(step) {
 function lensPart(step) {
   const holder = settings(step, "intrinsics", "lens");
   step.boards = make("div");
+  const camera = step.camera = make("input", { type: "text", id: "camera_name", class: "grow", "aria-label": "Camera of the pictures", maxLength: 80, oninput: () => (step.named = true) });
+  const take = (files) => {
+    step.studio.uploads.take(files, step.project, "boards", camera.value.trim());
+    step.named = false;
+  };
+  const add = (files) => step.studio.uploads.take(files, step.project, "boards");
+  const card = dropTarget(make("section", { class: "card" },
+    make("div", { class: "row wrap" }, make("label", { htmlFor: "camera_name" }, "pictures of camera"), camera,
+      picker("Choose pictures", take, { accept: STILLS, multiple: true, "data-place": "boards" })),
+    make("div", { class: "row wrap" },
+      picker("Choose videos", add, { accept: VIDEOS, multiple: true, "data-videos": "boards" }),
+      picker("Choose a folder of all cameras", add, { webkitdirectory: true, "data-folder": "boards" }),
+      make("small", { class: "note" }, "videos and folders are named as their camera"))), take);
   const start = () => begin(step, holder, { command: "intrinsics", settings: { ...step.typed.look, ...step.typed.intrinsics } });
   return section("2", "Lenses", "lenses",
     make("p", {}, "For each camera 15 to 30 pictures of the board, or a video of half a minute: near and far, in all parts of the picture, tilted both ways, held still."),
-    step.boards, holder, ...starter("Calibrate the lenses", "start_lenses", start, "lenses"));
+    step.boards, card, holder, ...starter("Calibrate the lenses", "start_lenses", start, "lenses"));
 }
 
 // 3: the board carried through the room, or points that were clicked.
@@ -133,33 +147,24 @@ function timePart(step) {
     holder, step.times, ...starter("Find the times", "start_times", start, "times", ""));
 }
 
-function drawFiles(step) {
-  const { known } = step;
-  step.sheet.hidden = !known.sheet;
+// What is typed here stays whatever files come and jobs end.
+function drawLook(step) {
   const look = (names) => Object.entries(names).map(([name, title]) => {
-    const made = field(known.forms.intrinsics.find((row) => row.name === name), step.typed.look, "look");
+    const made = field(step.known.forms.intrinsics.find((row) => row.name === name), step.typed.look, "look");
     made.querySelector("label").textContent = title;
     return made;
   });
   step.look.replaceChildren(make("div", { class: "fields" }, ...look({ board: "inner corners", square: "square, m" })),
     make("details", { open: Boolean(step.typed.look.marker) }, make("summary", {}, "Markers", make("small", {}, "of a ChArUco board")), make("div", { class: "fields" }, ...look({ marker: "marker, m", dictionary: "dictionary" }))));
+}
+
+function drawFiles(step) {
+  const { known } = step;
+  step.sheet.hidden = !known.sheet;
   const of = (place) => known.files.filter((file) => file.place === place);
-  const camera = make("input", { type: "text", id: "camera_name", class: "grow", value: step.camera ?? freeName("cam_", of("boards").map(stemOf)), "aria-label": "Camera of the pictures", maxLength: 80 });
-  camera.addEventListener("change", () => (step.camera = camera.value.trim()));
+  if (!step.named) step.camera.value = freeName("cam_", of("boards").map(stemOf));
+  step.boards.replaceChildren(...lensCards(step, of("boards")));
   const add = (place) => (files) => step.studio.uploads.take(files, step.project, place);
-  const take = (files) => {
-    step.studio.uploads.take(files, step.project, "boards", camera.value.trim());
-    step.camera = null;
-  };
-  step.boards.replaceChildren(
-    ...lensCards(step, of("boards")),
-    dropTarget(make("section", { class: "card" },
-      make("div", { class: "row wrap" }, make("label", { htmlFor: "camera_name" }, "pictures of camera"), camera,
-        picker("Choose pictures", take, { accept: STILLS, multiple: true, "data-place": "boards" })),
-      make("div", { class: "row wrap" },
-        picker("Choose videos", add("boards"), { accept: VIDEOS, multiple: true, "data-videos": "boards" }),
-        picker("Choose a folder of all cameras", add("boards"), { webkitdirectory: true, "data-folder": "boards" }),
-        make("small", { class: "note" }, "videos and folders are named as their camera"))), take));
   step.walk.replaceChildren(dropTarget(make("section", { class: "card" },
     fileList(step, of("board_walk")),
     known.in_step.boards && make("p", { class: "note" }, "timestamps.csv tells the time of every frame."),
@@ -173,6 +178,6 @@ function drawFiles(step) {
 
 // Nothing begins while files are still coming, which it would not see.
 function allowStarts(step) {
-  const waits = step.studio.job.state === "running" || step.studio.uploads.waiting;
-  for (const start of step.holders.querySelectorAll("button[data-calibrate]")) start.disabled = waits;
+  const reason = step.studio.uploads.waiting ? "Files are still being copied." : step.busy ?? "";
+  for (const start of step.holders.querySelectorAll("button[data-calibrate]")) allow(start, reason);
 }

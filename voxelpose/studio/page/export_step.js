@@ -1,6 +1,6 @@
 // Export: formats to choose, what of the motion, and one archive to keep.
 
-import { jobPanel } from "./job_panel.js";
+import { outcome } from "./job_panel.js";
 import { button, make } from "./elements.js";
 import { field, grouped, labelled } from "./form_fields.js";
 import { none, resultsOf } from "./view_step.js";
@@ -31,7 +31,7 @@ export async function exportStep(studio, state, project, chosen) {
   let awaited = null; // the result whose archive is downloaded as soon as it is made
   const start = button("Export and download", async () => {
     const asked = { result: select.value, formats: Object.keys(state.formats).filter(isOn), report: isOn("report"), pictures: isOn("pictures"), person: person.value, settings: typed };
-    if (await studio.begin("api/export", asked, panel, settings)) awaited = asked.result;
+    if (await studio.begin("api/export", asked, settings)) awaited = asked.result;
   }, { class: "main", id: "start" });
   const finished = (job) => {
     const query = `result=${encodeURIComponent(job.of)}`;
@@ -43,11 +43,10 @@ export async function exportStep(studio, state, project, chosen) {
         make("a", { class: "button main", id: "download", href: `download?${query}`, download: "" }, "Download again")),
     ];
   };
-  studio.watch((job) => {
-    const shown = job.state === "running" || (job.kind === "export" && results.some((result) => result.name === job.of));
-    panel.replaceChildren(...(shown ? [jobPanel(studio, job, project, finished)] : []));
-    start.disabled = job.state === "running";
-    if (job.state !== "running" && job.of === awaited) {
+  studio.watch(["export"], results.map((result) => result.name), (job, busy) => {
+    panel.replaceChildren(...outcome(job, project, finished));
+    start.textContent = busy ? "Add to the queue" : "Export and download";
+    if (["done", "failed", "stopped"].includes(job.state) && job.of === awaited) {
       awaited = null;
       if (job.state === "done") panel.querySelector("#download").click();
     }

@@ -2,27 +2,30 @@
 
 import { getJson } from "./api.js";
 import { errorAtField, field, grouped, labelled } from "./form_fields.js";
-import { jobPanel } from "./job_panel.js";
-import { button, freeName, make, refusal } from "./elements.js";
+import { allow, outcome } from "./job_panel.js";
+import { button, make, refusal } from "./elements.js";
 import { resultLink, verdictTag } from "./projects_step.js";
 import { addressOf } from "./rail.js";
 
 // `like` is a result whose settings are begun with.
 export async function fitStep(studio, state, project, like) {
-  const known = await getJson(`api/project?project=${encodeURIComponent(project)}`);
+  const known = await getJson(projectPath(project));
   const step = { studio, state, project, known, command: known.command ?? "fit", typed: {}, holder: make("div"), panel: make("div", { "aria-live": "polite" }) };
   if (like) step.command = state.results.find((result) => result.name === like)?.command ?? step.command;
   step.form = await getJson(`${formPath(step)}&like=${encodeURIComponent(like ?? "")}`);
   if (like) step.typed = Object.fromEntries(step.form.map(({ name, value, usual }) => [name, value === usual ? null : value]));
   draw(step);
   let before = null;
-  studio.watch(async (job) => {
-    const ended = before === "running" && job.state !== "running";
+  studio.watch(["fit", "track"], [project], async (job, busy) => {
+    const changed = before !== job.state;
+    const ended = before === "running" && changed;
     before = job.state;
     if (ended) step.state = await getJson("api/state").catch(() => step.state);
-    showJob(step, job);
-    if (ended) draw(step);
+    step.panel.replaceChildren(...outcome(job, project, () => verdicts(step, job)));
+    step.busy = busy;
+    showStart(step);
     if (ended && job.state === "failed") errorAtField(step.holder, { field: job.field, message: job.error });
+    if (changed) await renewOut(step).catch(() => {});
   });
   return [
     make("h2", {}, "Estimate"),
@@ -31,14 +34,19 @@ export async function fitStep(studio, state, project, like) {
   ];
 }
 
+const projectPath = (project) => `api/project?project=${encodeURIComponent(project)}`;
 const formPath = (step) => `api/form?project=${encodeURIComponent(step.project)}&command=${step.command}`;
 
-function showJob(step, job) {
-  const mine = job.of === step.project && ["fit", "track"].includes(job.kind);
-  const shown = mine || job.state === "running";
-  step.panel.replaceChildren(...(shown ? [jobPanel(step.studio, job, step.project, () => verdicts(step, job))] : []));
-  const start = step.holder.querySelector("#start");
-  if (start) start.disabled = job.state === "running" || !step.known.cameras.length;
+// While another job runs, this one waits for it.
+function showStart(step) {
+  step.start.textContent = step.busy ? "Add to the queue" : "Start";
+  allow(step.start, step.known.cameras.length ? "" : "No camera can be read yet: mend it in Import.");
+}
+
+// The name that the next result has where none is typed.
+async function renewOut(step) {
+  step.known.outs = (await getJson(projectPath(step.project))).outs;
+  step.out.placeholder = step.known.outs?.[step.command] ?? "";
 }
 
 function verdicts(step, job) {
@@ -52,21 +60,22 @@ function verdicts(step, job) {
 
 function draw(step) {
   const { known, form } = step;
-  const taken = step.state.results.map((result) => result.name.split("/")[0]);
-  const stem = `${step.project}_${step.command}`;
-  const out = make("input", { type: "text", id: "out", "data-setting": "out", value: taken.includes(stem) ? freeName(`${stem}_`, taken, 2) : stem, maxLength: 80 });
-  const replace = make("input", { type: "checkbox", id: "replace" });
+  const out = step.out = make("input", { type: "text", id: "out", "data-setting": "out", placeholder: known.outs?.[step.command] ?? "", maxLength: 80 });
+  const replace = make("input", { type: "checkbox", id: "replace", onchange: () => (out.value ||= `${step.project}_${step.command}`) });
   const names = known.cameras.map((camera) => camera.name);
   const rows = (row) => field(row.name === "camera" ? { ...row, input: "choice", choices: names, none: names.length > 1 && "choose" } : row, step.typed);
   const groups = grouped(form, rows, methods(step), [labelled("name of the result", out, make("label", { class: "note" }, replace, "replace an earlier result of this name"))]);
-  const start = () => step.studio.begin("api/fit", {
-    project: step.project, command: step.command, out: out.value.trim(), overwrite: replace.checked, settings: step.typed,
-  }, step.panel, step.holder);
+  const begin = () => {
+    const asked = { project: step.project, command: step.command, out: out.value.trim(), overwrite: replace.checked, settings: step.typed };
+    return step.studio.begin("api/fit", asked, step.holder);
+  };
+  step.start = button("", begin, { class: "main", id: "start" });
   const fault = known.fault && (step.command === "fit" || !known.cameras.length);
   step.holder.replaceChildren(
     ...(fault ? [refusal(known.fault), make("p", {}, make("a", { class: "button main", href: addressOf("import", "./", step.project) }, "Mend it: Import"))] : []),
     ...groups,
-    make("div", { class: "row end" }, button("Start", start, { class: "main", id: "start", disabled: step.studio.job.state === "running" || !known.cameras.length })));
+    make("div", { class: "row end" }, step.start));
+  showStart(step);
 }
 
 // Several cameras, or one of them.

@@ -3,29 +3,30 @@
 import { getJson } from "./api.js";
 import { cameraRows } from "./camera_rows.js";
 import { field, grouped, loopField } from "./form_fields.js";
-import { jobPanel } from "./job_panel.js";
+import { allow, outcome } from "./job_panel.js";
 import { button, make, rounded } from "./elements.js";
 
 export async function liveStep(studio, state, project) {
   const known = await getJson(`api/live?project=${encodeURIComponent(project)}`);
   const step = { studio, project, known, typed: {}, loop: true, panel: make("div", { "aria-live": "polite" }), holder: make("div") };
   const rows = cameraRows(known);
-  step.receivers = receiverRows(known.receivers, () => studio.job.state === "running" && studio.send("api/receivers", { receivers: step.receivers.values() }));
+  step.receivers = receiverRows(known.receivers, () => step.shown && studio.send("api/receivers", { receivers: step.receivers.values() }));
   const begin = () => studio.begin("api/live", {
     project, sources: rows.sources(), receivers: step.receivers.values(), loop: step.loop, settings: step.typed,
-  }, step.panel, step.holder);
+  }, step.holder);
   step.start = button("Start the session", begin, { class: "main", id: "start_live" });
+  const last = make("div", { class: "row end" }, step.start);
   step.holder.append(
     make("section", { class: "job" }, make("h3", {}, "Cameras"),
       make("p", { class: "note" }, known.there.take.length ? "Without an address, the project's own videos are played as if filmed." : ""), rows.element),
     ...grouped(known.form, (row) => field(row.name === "camera" && known.cameras.length ? { ...row, input: "choice", choices: known.cameras, none: "all" } : row, step.typed), [], [loopField("live_loop", (on) => (step.loop = on))]));
-  studio.watch((job) => show(step, job));
+  studio.watch(["live session"], [project], (job, busy) => show(step, job, busy));
   return [
     make("h2", {}, "Live"),
     make("p", { class: "lead" }, "Follows the person while the cameras run, and sends the motion to other programs. Nothing later is known, so a recorded take is estimated more accurately."),
     step.panel, step.holder,
     make("section", { class: "job" }, make("h3", {}, "Receivers"), make("p", {}, "Programs that take the motion, such as Blender or Unity: vmc://HOST:PORT or ws://HOST:PORT/PATH. They may be changed while the session runs."), step.receivers.element),
-    make("div", { class: "row end" }, step.start),
+    last,
   ];
 }
 
@@ -45,15 +46,14 @@ function receiverRows(addresses, changed) {
   return { element, values: () => [...rows.querySelectorAll("[data-receiver]")].map((input) => input.value.trim()).filter(Boolean) };
 }
 
-function show(step, job) {
+function show(step, job, busy) {
   const running = job.state === "running";
-  const mine = job.kind === "live session" && job.of === step.project;
-  step.start.disabled = running;
-  step.holder.hidden = step.start.hidden = running && mine;
-  if (running && mine && job.phase) return session(step, job);
+  allow(step.start, busy);
+  step.holder.hidden = step.start.parentElement.hidden = running;
+  if (running && job.phase) return session(step, job);
   step.shown = null;
   const done = () => [make("p", { class: "fine", id: "live_ended" }, `The session has ended: ${job.frames} pictures followed, ${job.dropped} left out for newer ones.`)];
-  step.panel.replaceChildren(...(running || mine ? [jobPanel(step.studio, job, step.project, done)] : []));
+  step.panel.replaceChildren(...outcome(job, step.project, done));
 }
 
 // The session as it goes; the elements stay, so that a button can be pressed.

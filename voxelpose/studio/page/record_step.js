@@ -3,7 +3,7 @@
 import { getJson } from "./api.js";
 import { coverage } from "./calibration_findings.js";
 import { cameraRows } from "./camera_rows.js";
-import { jobPanel } from "./job_panel.js";
+import { allow, outcome } from "./job_panel.js";
 import { button, make, notice } from "./elements.js";
 import { labelled, loopField } from "./form_fields.js";
 import { addressOf } from "./rail.js";
@@ -31,11 +31,11 @@ export async function recordStep(studio, state, project) {
   const open = async () => {
     const sources = step.rows.sources();
     if (!sources.length) return notice("add a camera first: a webcam, the address of a stream, or a video");
-    await studio.begin("api/record", { project, sources, ...set }, step.panel, step.holder);
+    await studio.begin("api/record", { project, sources, ...set }, step.holder);
   };
   step.start = button("Open the cameras", open, { class: "main", id: "open_cameras" });
   step.holder.append(make("section", { class: "job" }, make("h3", {}, "Cameras"), step.rows.element), form, make("div", { class: "row end" }, step.start));
-  studio.watch((job) => show(step, job));
+  studio.watch(["recording"], [project], (job, busy) => show(step, job, busy));
   return [
     make("h2", {}, "Record"),
     make("p", { class: "lead" }, "Cameras at this machine or in its network, all recorded together. You have files already? Then go on to Import."),
@@ -75,12 +75,11 @@ function settings(step) {
   return form;
 }
 
-function show(step, job) {
+function show(step, job, busy) {
   const running = job.state === "running";
-  const mine = job.kind === "recording" && job.of === step.project;
-  step.start.disabled = running;
-  step.holder.hidden = running && mine;
-  if (running && mine) return preview(step, job);
+  allow(step.start, busy);
+  step.holder.hidden = running;
+  if (running) return preview(step, job);
   step.tiles.clear();
   step.shown = null;
   const done = () => {
@@ -89,7 +88,7 @@ function show(step, job) {
       make("p", { class: "fine", id: "recorded" }, `${job.moments} moments in ${job.seconds.toFixed(1)} s${job.lost ? `; ${job.lost} were left out, as the disk was too slow` : ""}.`),
       make("div", { class: "row end" }, make("a", { class: "button main", id: "next", href: addressOf(where, "./", step.project) }, words))];
   };
-  step.panel.replaceChildren(...(running || mine ? [jobPanel(step.studio, job, step.project, done)] : []));
+  step.panel.replaceChildren(...outcome(job, step.project, done));
 }
 
 // Pictures and buttons while cameras are open; the elements stay, so that a button can be pressed.
@@ -100,7 +99,7 @@ function preview(step, job) {
     step.grid = make("div", { class: "cards cameras" });
     step.record = button("Record", ask("record"), { class: "main record", id: "record" });
     step.finish = button("Finish and keep", ask("finish"), { class: "main", id: "finish" });
-    const cancel = button("Cancel", () => step.studio.send("api/stop", {}), { class: "quiet", id: "stop" });
+    const cancel = button("Cancel", () => step.studio.send("api/stop", { number: job.number }), { class: "quiet", id: "stop" });
     step.shown = make("section", { class: "job", "aria-label": "Cameras" }, step.words, step.grid, make("div", { class: "row end" }, cancel, step.record, step.finish));
     step.panel.replaceChildren(step.shown);
   }

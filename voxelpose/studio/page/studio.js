@@ -1,12 +1,13 @@
-// The studio: one step at a time, by the address; the job of the program is followed all the while.
+// The studio: one step at a time, by the address; the program's jobs are followed all the while.
 
-import { getJson, onConnection, postJson } from "./api.js";
+import { getJson, postJson } from "./api.js";
 import { calibrateStep } from "./calibrate_step.js";
 import { by, notice } from "./elements.js";
 import { exportStep } from "./export_step.js";
 import { fitStep } from "./fit_step.js";
 import { errorAtField, isWrong } from "./form_fields.js";
 import { importStep } from "./import_step.js";
+import { JobBar } from "./job_bar.js";
 import { liveStep } from "./live_step.js";
 import { projectsStep } from "./projects_step.js";
 import { addRail, STEPS } from "./rail.js";
@@ -18,35 +19,38 @@ const VIEWS = { projects: projectsStep, record: recordStep, import: importStep, 
 
 class Studio {
   constructor() {
-    this.job = { state: "idle" };
+    this.jobs = [];
     this.watchers = [];
     this.shown = 0;
     this.uploads = new Uploads(this);
     dropTarget(document.documentElement, (files) => this.uploads.take(files, this.route.project));
     addEventListener("hashchange", () => this.show());
-    onConnection((reachable) => notice(reachable ? ""
-      : "The program has ended or cannot be reached: start `voxelpose studio` again, then load this page again."));
-    this.listen();
+    new JobBar("./", (jobs) => {
+      this.jobs = jobs;
+      for (const watch of this.watchers) watch();
+    }, () => by("step").childElementCount || this.show());
     this.show();
   }
 
-  // The job as it goes, also of one that was begun before the page was loaded.
-  listen() {
-    const events = new EventSource("events");
-    events.addEventListener("message", (event) => {
-      this.job = JSON.parse(event.data);
-      for (const watch of this.watchers) watch(this.job);
-    });
-    addEventListener("pagehide", () => events.close());
-  }
-
-  // The studio as a step sees it: `watch` calls with the job now, and whenever it changes while that
+  // The studio as a step sees it: `watch` calls with the newest job of some kinds that is done to some
+  // things (null: any), and why no other can begin meanwhile, now and whenever that changes while that
   // step is shown; `onFiles` is told when files are on their way, and when they have come.
   seenBy(watchers) {
-    const seen = Object.create(this);
-    seen.watch = (call) => {
-      watchers.push(call);
-      call(this.job);
+    const seen = Object.assign(Object.create(this), { show: () => this.show() });
+    seen.watch = (kinds, of, call) => {
+      let last = "";
+      const look = () => {
+        const mine = this.jobs.filter((job) => (!kinds || kinds.includes(job.kind)) && (!of || of.includes(job.of)));
+        const job = mine.findLast(({ state }) => state !== "waiting") ?? mine[0] ?? { state: "idle" };
+        const running = this.jobs.find(({ state }) => state === "running");
+        const busy = running ? `The ${running.kind} of ${running.of} is running: wait for its end, or stop it above.` : "";
+        const key = JSON.stringify([job, busy, this.jobs.length]);
+        if (key === last) return;
+        last = key;
+        call(job, busy);
+      };
+      watchers.push(look);
+      look();
     };
     seen.onFiles = (draw, renew) => Object.assign(watchers, { draw, renew });
     return seen;
@@ -94,13 +98,9 @@ class Studio {
     }
   }
 
-  // Sends a form, unless a field of it holds what it cannot; then shows the panel of the job. Returns
-  // whether it was taken.
-  async begin(path, content, panel, holder) {
-    if (isWrong(holder)) return false;
-    const taken = await this.send(path, content, holder);
-    if (taken) panel.scrollIntoView({ block: "nearest", behavior: "smooth" });
-    return taken;
+  // Sends a form, unless a field of it holds what it cannot. Returns whether it was taken.
+  begin(path, content, holder) {
+    return !isWrong(holder) && this.send(path, content, holder);
   }
 }
 

@@ -22,7 +22,7 @@ Moment = Annotated[int, Meta(ge=0, le=10_000_000)]
 Pixel = Annotated[float, Meta(ge=-30_000, le=30_000)]
 Corner = tuple[Pixel, Pixel]
 _BODY_S = 60
-_BEAT_MS = 10_000  # between signs of life
+_BEAT_MS = 600  # between signs of life
 _PIECE = 2**18
 # Packages in whose folders `page` lies what pages share: the player's pieces, then those of forms.
 _SHARED = "voxelpose.export", "voxelpose.view.serving"
@@ -155,7 +155,7 @@ def check_camera_names(named: Iterable[str], names: Iterable[str]) -> None:
 
 def event_stream(events: Iterator[Any], every_ms: int) -> Reply:
     """What is told, looked for every so often, as server-sent events; None: nothing is new. A sign
-    of life now and then shows whether the other side is still there.
+    of life, the event "beat", shows either side whether the other one is still there.
     """
 
     async def pieces() -> AsyncGenerator[bytes, None]:
@@ -164,7 +164,7 @@ def event_stream(events: Iterator[Any], every_ms: int) -> Reply:
             if event is not None:
                 yield b"data: " + msgspec.json.encode(in_page_words(event)) + b"\n\n"
             elif silent_ms >= _BEAT_MS:
-                yield b":\n\n"
+                yield b"event: beat\ndata: 0\n\n"
             silent_ms = silent_ms + every_ms if event is None and silent_ms < _BEAT_MS else 0
             await asyncio.sleep(every_ms / 1000)
 
