@@ -62,7 +62,7 @@ def test_arguments_are_the_paths_parts_and_the_query(server):
     for query in ("", "?moment=x", "?moment=-1", "?moment=3&kind=c"):
         status, content = ask(server, f"/frame/x{query}")
         assert status == 400 and "not understood" in content["error"]
-    assert ask(server, "/frame/x?moment=7") == (400, {"error": "there is no moment 7"})
+    assert ask(server, "/frame/x?moment=7") == (400, {"error": "there is no moment 7", "field": ""})
 
 
 def test_what_is_posted_is_the_only_argument_or_all_of_them(server):
@@ -85,10 +85,10 @@ def test_each_kind_of_answer_is_sent_as_it_is(server, capfd):
     assert ask(server, "/png") == (200, b"\x89PNG")
     assert ask(server, "/events") == (200, b'data: {"a":1}\n\ndata: {"b":2}\n\n')
     assert ask(server, "/kept") == (200, 300_000 * b"z")
-    assert ask(server, "/gone") == (400, {"error": "nothing is there"})
+    assert ask(server, "/gone") == (400, {"error": "nothing is there", "field": ""})
     assert ask(server, "/studio.css")[0] == 200
     for path, body in (("/frame", None), ("/frame/x/y", None), ("/png", {}), ("/doubled", None)):
-        assert ask(server, path, body) == (404, {"error": "this is not there"})
+        assert ask(server, path, body) == (404, {"error": "this is not there", "field": ""})
     status, content = ask(server, "/fail")
     assert status == 500 and "secret" not in content["error"]
     assert "RuntimeError: a secret" in capfd.readouterr().err
