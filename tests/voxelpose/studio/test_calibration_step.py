@@ -110,7 +110,7 @@ def test_what_must_be_done_before_is_said_in_a_line(
 
 def test_a_setting_that_must_be_known_is_asked_for(walk):
     fixed = {"pictures": (walk,), "out": walk / "lenses.toml"}
-    with pytest.raises(InputError, match="square must be known: fill in the field"):
+    with pytest.raises(InputError, match="--square must be known: fill that in"):
         filled_in("calibrate.intrinsics", StudioFolder(walk.parent), walk, fixed, {"board": "8x5"})
 
 
