@@ -34,7 +34,7 @@ class Export:
       csv  joints.csv, joints_wide.csv, angles.csv: positions and anatomical angles
       npz  motion.npz: all data as NumPy arrays
       html  motion.html: a page that plays bodies and cameras, without a server
-      fbx  to_fbx.py: makes FBX of motion.glb in Blender; run where Blender is on the path
+      fbx  to_fbx.py makes FBX of motion.glb in Blender; run if Blender is there
 
       voxelpose export walk_fit
       voxelpose export walk_fit --to glb,csv --out for_the_lab

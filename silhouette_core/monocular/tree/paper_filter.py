@@ -32,8 +32,7 @@ from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.ranking import rounded
 from silhouette_core.scoring.backend import Backend, Target
 
-# Of the window's pixels, of which one of the first level has 4.
-_SHIFTS_PX = 4 * SHIFTS_PX
+_COARSEST = 4  # pixels of the window in one of the first level
 _MOST_STEPS = 30  # frame intervals without a silhouette that are predicted one by one
 
 
@@ -68,6 +67,7 @@ class PaperFilter:
         sigma: of eq. (10), as a fraction of the weight of the first frame's silhouette, constant
             from then on.
         interval_s: time between two frames.
+        in_place: the person stays in one place and at one distance, as in the paper.
 
     Source: Okada and Stenger, eq. (2), (14); the grid and the followed distance are ours.
     """
@@ -82,10 +82,12 @@ class PaperFilter:
         backend: Backend,
         sigma: float = FILTER.sigma,
         interval_s: float = 1 / FPS,
+        in_place: bool = False,
     ):
         self.library, self._transitions, self._camera = library, transitions, camera
-        self._distance_m, self._first = distance_m, first
+        self._distance_m, self._first, self._in_place = distance_m, first, in_place
         self._share, self._interval_s, self._backend = sigma, interval_s, backend
+        self._shifts_px = np.zeros((1, 2), np.int64) if in_place else _COARSEST * SHIFTS_PX
         self._sigma = 0.0  # until the first frame
         self._last: Posterior | None = None
         self._last_s = 0.0
@@ -98,17 +100,18 @@ class PaperFilter:
         if self._last is None:
             weights = self._weights(window.mask)
             self._sigma = self._share * float(weights[window.mask].sum()) / weights.size
-            count = len(_SHIFTS_PX)
+            count = len(self._shifts_px)
             prior = np.outer(self._first, np.full(count, 1 / count))
         else:
             prior = self._predict(self._last, time_s - self._last_s, window)
         self._last, self._last_s = self._update(prior, window), time_s
-        self._follow_distance(mask, self._last)
+        if not self._in_place:
+            self._follow_distance(mask, self._last)
         return self._last
 
     def places_m(self, window: Window) -> FloatArray:
         """Positions (C, 3) in the world, where the middle of a silhouette would be."""
-        middle = (np.array(WINDOW_PX) - 1) / 2 + _SHIFTS_PX
+        middle = (np.array(WINDOW_PX) - 1) / 2 + self._shifts_px
         return window.unproject(middle, window.distance_m)
 
     def _window(self, mask: BoolArray, factor: float) -> Window:
@@ -130,13 +133,13 @@ class PaperFilter:
 
     def _update(self, prior: FloatArray, window: Window) -> Posterior:
         """Posterior by a prior (N, C)."""
-        alignments = Alignments((window,), _SHIFTS_PX, partial(self._target, window))
+        alignments = Alignments((window,), self._shifts_px, partial(self._target, window))
         return tree_posterior(self.library, prior, alignments, self._sigma, self._backend)
 
     def _target(self, window: Window, reduction: int) -> Target:
         """The silhouette in all positions at a resolution."""
         mask, weights = window.weighed(reduction, self._weights)
-        return Target((mask,), (weights,), _SHIFTS_PX // reduction, 1 / mask.size)
+        return Target((mask,), (weights,), self._shifts_px // reduction, 1 / mask.size)
 
     def _weights(self, mask: BoolArray) -> Float32Array:
         """Weights (h, w) of the pixels of a silhouette (h, w) bool."""
@@ -153,7 +156,7 @@ class PaperFilter:
         factors = np.exp(DISTANCES.step * np.arange(-1, 2))
         masks = tuple(self._window(mask, float(factor)).mask for factor in factors)
         weights = tuple(np.full(one.shape, max(one.sum(), 1) ** -0.5) for one in masks)
-        target = Target(masks, weights, _SHIFTS_PX)
+        target = Target(masks, weights, self._shifts_px)
         leaves, of_leaves = posterior.leaves, posterior.of_leaves
         distances = self._backend.span_distances(target, self.library.levels[-1].spans, leaves)
         by_size = distances.reshape(len(leaves), len(masks), -1)

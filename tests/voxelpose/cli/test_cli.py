@@ -99,7 +99,7 @@ def test_help_answers_at_once(desk, words, monkeypatch):
 
 @pytest.mark.parametrize("name", ["fit", "track", "live"])
 def test_help_shows_groups_which_hold_all_options(monkeypatch, capsys, name):
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("COLUMNS", "129")  # one column of boxes
     with pytest.raises(SystemExit):
         run([name, "--help"])
     boxes = re.split(r"\n (\w[\w ]*\w) +\n -{5,}", capsys.readouterr().out)[1:]

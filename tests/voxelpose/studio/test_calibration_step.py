@@ -163,7 +163,7 @@ def test_a_take_is_put_in_step_without_the_board_of_the_files(studio, walk, monk
         (walk / "board_walk" / f"cam_{number}.mp4").write_bytes(b"x")
     (walk / "voxelpose.toml").write_text('[calibrate.sync]\nboard = "8x5"\n')
     started = []
-    monkeypatch.setattr(studio._session.job, "start", lambda *given, step: started.append(given))
+    monkeypatch.setattr(studio._session.job, "start", lambda *given, **more: started.append(given))
     assert start(studio, "sync", "take", by="sound", seconds=9)[0] == 200
     assert start(studio, "sync", "boards", by="board")[0] == 200
     (kind, of, _, take), (other, _, _, board) = started

@@ -113,7 +113,7 @@ def test_the_page_of_the_session_is_passed_on(walk, monkeypatch):
         ({"settings": {"send": ["vmc://127.0.0.1"]}}, "not understood"),
         ({"settings": {"host": "0.0.0.0"}}, "the page has no setting 'host'"),
         ({"settings": {"camera": "cam_1", "cameras": "cam_1"}}, "exclude each other"),
-        ({"settings": {"countdown": -1}}, "countdown = '-1' must be a number from 0 to 3600"),
+        ({"settings": {"countdown": -1}}, "`countdown` = '-1' must be a number from 0 to 3600"),
     ],
 )
 def test_what_cannot_be_followed_is_refused_before(walk, more, line):

@@ -7,7 +7,7 @@ import { exportStep } from "./export_step.js";
 import { fitStep } from "./fit_step.js";
 import { errorAtField, isWrong } from "./form_fields.js";
 import { importStep } from "./import_step.js";
-import { JobBar } from "./job_bar.js";
+import { JobBar, nameOf } from "./job_bar.js";
 import { liveStep } from "./live_step.js";
 import { projectsStep } from "./projects_step.js";
 import { addRail, STEPS } from "./rail.js";
@@ -43,7 +43,7 @@ class Studio {
         const mine = this.jobs.filter((job) => (!kinds || kinds.includes(job.kind)) && (!of || of.includes(job.of)));
         const job = mine.findLast(({ state }) => state !== "waiting") ?? mine[0] ?? { state: "idle" };
         const running = this.jobs.find(({ state }) => state === "running");
-        const busy = running ? `The ${running.kind} of ${running.of} is running: wait for its end, or stop it above.` : "";
+        const busy = running ? `The ${nameOf(running.kind)} of ${running.of} is running: wait for its end, or stop it above.` : "";
         const key = JSON.stringify([job, busy, this.jobs.length]);
         if (key === last) return;
         last = key;

@@ -10,7 +10,8 @@ const VERBS = {
   recording: "Recording", "live session": "Live session of", "lens calibration": "Calibrating the lenses of", "position calibration": "Calibrating the positions of", synchronisation: "Putting in step the cameras of", "board synchronisation": "Putting in step the board's videos of",
 };
 const STEPS = { fit: "fit", track: "fit", export: "export", check: "check", recording: "record", "live session": "live" }; // else calibrate
-const NAMES = { fit: "estimation", track: "estimation" }; // else as the program names them
+// What a page calls a kind of job.
+export const nameOf = (kind) => (["fit", "track"].includes(kind) ? "estimation" : kind);
 const ENDS = { done: "is done", failed: "failed", stopped: "was stopped; nothing was written", interrupted: "was interrupted when the program ended" };
 const SILENT_MS = 2000; // without a sign of life
 const LOOK_MS = 250;
@@ -91,7 +92,7 @@ export class JobBar {
   }
 
   row(job, waiting) {
-    const kind = NAMES[job.kind] ?? job.kind;
+    const kind = nameOf(job.kind);
     const words = { running: `${VERBS[job.kind]} ${job.of}`, waiting: `Then the ${kind} of ${job.of}` }[job.state] ?? `The ${kind} of ${job.of} ${ENDS[job.state]}`;
     const act = (name, text, path, asked, title = text) => button(text, () => this.send(path, asked), { class: "quiet small", id: `${name}_${job.number}`, "aria-label": `${title}: ${kind} of ${job.of}`, title });
     const place = waiting.indexOf(job);
