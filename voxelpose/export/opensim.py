@@ -138,8 +138,8 @@ def opensim_markers() -> tuple[OpenSimMarker, ...]:
             x, y, z = place_m or (0.0, 0.0, 0.0)
             # The left side is the right one's mirror image.
             place = x, y, z * (1 if side == "right" else -1) + 0.0
-            words = name.format(side=side), body.format(letter)
-            markers.append(OpenSimMarker(*words, place, weight, not place_m))
+            name_of_side, body_of_side = name.format(side=side), body.format(letter)
+            markers.append(OpenSimMarker(name_of_side, body_of_side, place, weight, not place_m))
     return tuple(markers)
 
 

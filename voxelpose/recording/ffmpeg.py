@@ -102,9 +102,9 @@ def has_fields(path: Path, changed_ns: int) -> bool:
     """Whether any picture of a video, which was changed last at a time, is flagged as two fields;
     all are decoded.
     """
-    words = "-nostdin", *_first_track(path), "-vf", "showinfo", "-f", "null", "-"
     try:
-        return _FIELDS.search(finished(*words).stderr) is not None
+        done = finished("-nostdin", *_first_track(path), "-vf", "showinfo", "-f", "null", "-")
+        return _FIELDS.search(done.stderr) is not None
     except (InputError, OSError):
         return False
 

@@ -77,10 +77,10 @@ class LiveStep:
         }
         command = filled_in("live", self._folder, project, fixed, asked.settings)
         command.check()
-        self._token = secrets.token_urlsafe(32)
-        title = f"{asked.project} – live"
-        arguments = command, title, self._token
-        self._job.start(LIVE, asked.project, follow, *arguments, step="live", asked=asked)
+        self._token, title = secrets.token_urlsafe(32), f"{asked.project} – live"
+        self._job.start(
+            LIVE, asked.project, follow, command, title, self._token, step="live", asked=asked
+        )
         change_section(project / SETTINGS_FILE, "live", asked.settings)
         change_section(project / SETTINGS_FILE, "live", {"send": list(asked.receivers)})
         if sources:

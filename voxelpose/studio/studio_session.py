@@ -356,9 +356,9 @@ class StudioSession:
     def _begin_estimation(
         self, kind: Command, work: Callable[..., dict[str, Any]], command: Any, asked: Struct
     ) -> None:
-        shares, of = SHARES.get(command.chosen_estimator), command.recording.name
-        arguments = work, command, self.folder.root
-        self.job.start(kind, of, *arguments, shares=shares, asked=asked, waits=True)
+        shares, root = SHARES.get(command.chosen_estimator), self.folder.root
+        of = command.recording.name
+        self.job.start(kind, of, work, command, root, shares=shares, asked=asked, waits=True)
 
     def start_export(self, asked: ExportAsked) -> None:
         """Begins an export, of one of several people or of all, or lets it wait for other jobs.
@@ -370,13 +370,13 @@ class StudioSession:
             raise InputError("nothing is chosen: choose a format, the report or the pictures")
         people = {one.name: one for one in people_folders(folder)} if asked.person else {"": folder}
         if asked.person not in people:
-            line = f"{asked.result} has no person {asked.person[:40]!r}: choose another one"
-            raise InputError(line)
+            raise InputError(f"{asked.result} has no person {asked.person[:40]!r}: choose another")
         fixed = {"result": people[asked.person], "to": ",".join(known), "out": None}
         command = filled_in("export", self.folder, folder, fixed, asked.settings)
-        arguments = export, folder, command, asked.report, asked.pictures
-        project = self.folder.project_of(folder) or ""
-        self.job.start("export", asked.result, *arguments, asked=asked, waits=True, project=project)
+        self.job.start(
+            "export", asked.result, export, folder, command, asked.report, asked.pictures,
+            asked=asked, waits=True, project=self.folder.project_of(folder) or "",
+        )  # fmt: skip
 
     def repeat(self, number: int) -> None:
         """Begins a job that was interrupted, stopped, or has failed once more, as it was asked for.
