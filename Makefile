@@ -41,7 +41,7 @@ test: $(VENV)/.ready-dev
 	$(BIN)/python -m pytest -n $(WORKERS)
 
 test-fast: $(VENV)/.ready-dev
-	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not (slow or accuracy)"
 
 network: $(VENV)/.ready-dev
 	$(BIN)/voxelpose network install
@@ -78,6 +78,7 @@ bench: $(VENV)/.ready-dev
 
 accuracy: $(VENV)/.ready-dev
 	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m pytest -n $(WORKERS) -m accuracy
 
 trials: $(VENV)/.ready-dev
 	$(BIN)/python -m benchmarks.trials

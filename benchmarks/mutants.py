@@ -112,7 +112,7 @@ class Copy:
         self, tests: Iterable[str], limit_s: float | None = None, *options: str
     ) -> tuple[int, str]:
         """Exit code and output of pytest on some tests, without the slow ones."""
-        words = "-q", "-m", "not slow", "-p", "no:cacheprovider", *options
+        words = "-q", "-m", "not (slow or accuracy)", "-p", "no:cacheprovider", *options
         done = subprocess.run(
             [sys.executable, "-m", "pytest", *words, *tests],
             cwd=self.folder,

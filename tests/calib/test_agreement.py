@@ -11,7 +11,6 @@ from calib.agreement import Agreement, agreement, trimmed_mean
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import pose_difference
-from calib.files import read_rig
 from calib.repair import Repair, explain
 from calib.rotation import matrix_from_rodrigues
 from calib.tangency import Outline, OutlineTrack, interpolate, main_components, tangency
@@ -262,23 +261,3 @@ def test_the_parts(rig, film):
     )
     np.testing.assert_array_equal(values[:, 0], [np.nan, 0, 2.5, 10, np.nan])
     assert trimmed_mean(np.array([1, -1, 1, -1, 100.0, np.nan])) == 1
-
-
-@pytest.mark.slow
-def test_walk4_agrees_and_its_bumped_cameras_are_named(shared):
-    folder = shared / "data" / "walk4"
-    rig = read_rig(folder / "calibration.toml")
-    packed = np.load(folder / "masks" / "masks.npz")
-    width = int(packed["width"])
-    frames = np.linspace(3, 74, 12).astype(int)
-    moments = [
-        {
-            name: np.unpackbits(packed[name][t], axis=-1)[:, :width].astype(bool)
-            for name in rig.names
-        }
-        for t in frames
-    ]
-    assert check(rig, moments).agrees
-    for name in rig.names:
-        assert check(bumped(rig, name, 0.3, axis=(1, 0, 0)), moments).culprits == (name,)
-        assert check(bumped(rig, name, 1), moments).culprits == (name,)

@@ -112,7 +112,7 @@ def test_boards_that_never_tilt_are_reported():
     assert any("tilt the board" in line for line in advice)
 
 
-@pytest.mark.slow
+@pytest.mark.accuracy
 def test_real_boards(shared):
     board = Board(7, 4, 0.06)
     for number in (1, 4):

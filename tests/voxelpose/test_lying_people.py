@@ -15,7 +15,7 @@ from voxelpose.recording.truth import read_truth
 from voxelpose.reliability import verdict_of
 
 
-@pytest.mark.slow
+@pytest.mark.accuracy
 def test_the_shared_case_of_a_lying_person(shared: Path, tmp_path: Path):
     script = shared / "cases" / "scripts" / "lying_arm" / "scenes.py"
     if not script.exists():

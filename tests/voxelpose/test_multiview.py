@@ -9,22 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.unknown_places import ankle_error_mm, make
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.body.presets import body_preset
-from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.estimator import Settings, load_estimator
 from silhouette_core.motion.kinematics import forward, landmarks
 from silhouette_core.progress import SilentReporter
 from tests.sources import GreySource, ring
-from voxelpose.demo.mannequin import person_of
 from voxelpose.demo.room import make_recording
 from voxelpose.evaluation import score_motion
 from voxelpose.fitting import Output, fit
 from voxelpose.multiview.multiview_estimator import MultiViewEstimator
 from voxelpose.recording.folder import Recording
-from voxelpose.recording.truth import read_truth
 
 FRAMES = 3
 
@@ -96,7 +91,7 @@ def test_the_stages_are_those_of_the_architecture(walk, fitted, tmp_path, comman
     assert fitted[2] == int(reads)
 
 
-@pytest.mark.slow
+@pytest.mark.accuracy
 def test_in_a_real_room_the_man_is_followed_and_not_the_board_on_the_floor(standing4, tmp_path):
     """The board's hull is the larger one, and z of this world points into the floor."""
     output = Output(tmp_path / "out", pictures=False)
@@ -144,30 +139,3 @@ def test_what_makes_no_sense_is_refused(cameras, options, message):
 
 def test_it_is_registered():
     assert isinstance(load_estimator("multiview"), MultiViewEstimator)
-
-
-@pytest.mark.slow
-def test_a_given_body_is_kept_but_for_its_clothes(tmp_path):
-    body = body_preset("9APP").body()
-    folder = make_recording(tmp_path / "walk", frames=FRAMES, person=person_of(body))
-    settings = Settings(threads=2, options={"body": "9APP"})
-    result = fit(Recording.open(folder), Output(tmp_path / "out", pictures=False), settings)
-    np.testing.assert_allclose(result.motion.model.joints_m, body.joints_m, atol=1e-4)
-    # The mannequin is that body but for its own proportions, which clothes make up for.
-    assert (result.motion.model.shape[IS_CLOTHING] < 0.02).all()
-    assert result.summary["body"]["stature_m"] == pytest.approx(1.42)
-    truth = json.loads((folder / "truth.json").read_text())["joints"]
-    joints = np.stack([truth[name] for name in LANDMARK_NAMES], axis=1)
-    assert score_motion(joints, result.motion.landmarks()).mpjpe_mm < 60
-
-
-@pytest.mark.slow
-def test_legs_behind_furniture_are_found_where_it_is_marked(walk, fitted, tmp_path):
-    """Not marked, the same furniture loses the ankles: `benchmarks.unknown_places` measures it."""
-    truth, whole = read_truth(walk / "truth.json"), fitted[0]
-    assert whole.summary["facts"]["unknown_share"] == {}
-    recording = Recording.open(make(walk, ["cam_1"], 0.5, "marked", tmp_path / "marked"))
-    marked = fit(recording, Output(tmp_path / "out", pictures=False), Settings(threads=2))
-    assert marked.summary["facts"]["unknown_share"] == pytest.approx({"cam_1": 0.5}, abs=0.01)
-    marked_mm, whole_mm = (ankle_error_mm(truth, one.motion.landmarks()) for one in (marked, whole))
-    assert marked_mm < max(1.4 * whole_mm, 25)

@@ -49,6 +49,7 @@ def test_one_camera(tmp_path, motions):
     assert_same(*motions(Recording.open(folder), "monocular"))
 
 
+@pytest.mark.accuracy
 def test_several_cameras_of_a_recording(shared, motions):
     """One torso of several that fit alike was chosen by the last digits: joints 0.98 mm apart."""
     assert_same(*motions(Recording.open(shared / "data" / "walk4", frames=(0, 10))))

@@ -126,7 +126,7 @@ def test_what_a_single_line_does_not_tell_is_no_motion(step):
     np.testing.assert_array_equal(motion.registered(frames[0]).shape, frames[0].shape)
 
 
-@pytest.mark.slow
+@pytest.mark.accuracy
 def test_a_shared_camera_above_a_plain_floor_stands_still(shared, tmp_path):
     script = shared / "cases" / "scripts" / "overhead_camera_plain_floor" / "scenes.py"
     if not script.is_file():

@@ -137,18 +137,3 @@ def test_the_parts(rig):
     other = exchanged(rig, "cam_1", "cam_3")
     assert other.names == rig.names
     assert other["cam_1"].center_m.tolist() == rig["cam_3"].center_m.tolist()
-
-
-@pytest.mark.slow
-def test_walk4s_videos_agree(shared: Path, capsys):
-    assert checked(capsys, str(shared / "data" / "walk4"))[0] == 0
-
-
-@pytest.mark.slow
-def test_balancing4s_third_camera_is_found_and_the_rest_agrees(shared: Path):
-    """Its fit comes nearer to the truth with that camera put back: see docs/decisions.md."""
-    recording = Recording.open(shared / "data" / "balancing4")
-    check = check_recording(recording, CheckSettings(moments=8, max_offset_frames=0))
-    assert check.agreement.culprits == ("cam_3",)
-    assert check.repairs[0].kind in ("turned", "moved")
-    assert check.after is not None and check.after.agrees

@@ -127,6 +127,7 @@ def test_pictures_that_exif_data_turn_have_one_lens(studio, truth, tmp_path, cap
     np.testing.assert_allclose(camera.matrix, known, atol=0.01 * known[0, 0])
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize(
     ("name", "kind", "asked", "words"),
     [

@@ -96,7 +96,7 @@ def test_shared_cases_are_understood(shared: Path, name: str, fps, count: int, w
     assert words in "; ".join(recording.notes)
 
 
-@pytest.mark.slow
+@pytest.mark.accuracy
 def test_frames_of_nobody_are_no_fault(made, tmp_path: Path):
     folder = made("person_not_always_there", "late")
     recording = Recording.open(folder, frames=(5, 20))

@@ -174,21 +174,6 @@ def test_a_take_is_put_in_step_without_the_board_of_the_files(studio, walk, monk
 
 
 @pytest.mark.slow
-def test_real_pictures_of_a_board(studio, walk, shared):
-    for number in (1, 3):
-        for still in sorted((shared / "data" / "board_images" / f"cam_{number}").glob("*.jpg")):
-            path = f"boards/cam_{number}/{still.name}"
-            assert send(studio, path, still.read_bytes())[0] == 200
-    assert start(studio, "intrinsics", board="4x7", square=0.06)[0] == 200
-    assert ended(studio, 120)["state"] == "done"
-    lenses = state(studio)["lenses"]
-    assert lenses.keys() == {"cam_1", "cam_3"}
-    for lens in lenses.values():
-        assert lens["rms_px"] < 0.25 and lens["matrix"][0][0] == pytest.approx(1676, abs=5)
-        assert lens["advice"]  # edges of the pictures were not covered
-
-
-@pytest.mark.slow
 def test_a_failure_is_told_where_it_can_be_mended(studio, walk, filmed, truth):
     shutil.copytree(filmed / "walk", walk / "board_walk")
     write_rig(without_poses(truth), walk / "lenses.toml")
