@@ -139,15 +139,9 @@ def main() -> int:
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             print(f"not so: {error}")
-    result = there()
-    print(
-        f"Chromium: {result}"
-        if result
-        else (
-            "no Chromium could be had: install one by hand; until then the tests of pages are"
-            " skipped"
-        )
-    )
+    none = "no Chromium could be had: install one by hand; until then tests of pages are skipped"
+    path = there()
+    print(f"Chromium: {path}" if path else none)
     return 0
 
 

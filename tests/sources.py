@@ -32,19 +32,10 @@ def ring(
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
         focal = 1.1 * size[1]
-        matrix = np.array(
-            [[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]]
-        )
-        cameras.append(
-            Camera(
-                f"cam_{number + 1}",
-                size,
-                matrix,
-                np.array(distortion),
-                rotation,
-                -rotation @ center,
-            )
-        )
+        x, y = (size[0] - 1) / 2, (size[1] - 1) / 2
+        matrix = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1.0]])
+        bent, place = np.array(distortion), -rotation @ center
+        cameras.append(Camera(f"cam_{number + 1}", size, matrix, bent, rotation, place))
     return Rig(tuple(cameras))
 
 
@@ -82,10 +73,9 @@ def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 2
     """Writes a recording of empty grey videos."""
     folder.mkdir(parents=True)
     write_rig(rig, folder / "calibration.toml")
+    code = cv2.VideoWriter.fourcc(*"mp4v")
     for camera in rig:
-        writer = cv2.VideoWriter(
-            str(folder / f"{camera.name}.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), fps, camera.size
-        )
+        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mp4"), code, fps, camera.size)
         for _ in range(frame_count):
             writer.write(np.full((camera.size[1], camera.size[0], 3), 90, np.uint8))
         writer.release()
@@ -103,12 +93,8 @@ def write_staged(folder: Path, motion: Motion, rig: Rig, *others: Motion) -> Pat
     for camera in rig:
         room = np.full((camera.size[1], camera.size[0], 3), (70, 60, 50), np.uint8)
         cv2.imwrite(str(folder / "background" / f"{camera.name}.png"), room)
-        writer = cv2.VideoWriter(
-            str(folder / f"{camera.name}.mkv"),
-            cv2.VideoWriter.fourcc(*"MJLS"),
-            motion.fps,
-            camera.size,
-        )
+        code = cv2.VideoWriter.fourcc(*"MJLS")
+        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mkv"), code, motion.fps, camera.size)
         for frame in motion.frames:
             picture = room
             for one, rotation, origin in bodies:
@@ -125,33 +111,20 @@ def write_staged(folder: Path, motion: Motion, rig: Rig, *others: Motion) -> Pat
 
 
 _BALLS = (
-    (0, 0, 1.6, 0.13),
-    (0, 0, 1.3, 0.17),
-    (0, 0, 1.0, 0.16),
-    (0.35, 0.1, 1.2, 0.07),
-    (-0.3, -0.1, 0.95, 0.07),
-)
-_FEET = (
-    (0.12, 0.25, 0.1, 0.09),
-    (-0.12, -0.2, 0.1, 0.09),
-    (0.12, 0.1, 0.5, 0.09),
-    (-0.12, -0.1, 0.5, 0.09),
+    *((0, 0, 1.6, 0.13), (0, 0, 1.3, 0.17), (0, 0, 1.0, 0.16)),
+    *((0.35, 0.1, 1.2, 0.07), (-0.3, -0.1, 0.95, 0.07)),
+    *((0.12, 0.25, 0.1, 0.09), (-0.12, -0.2, 0.1, 0.09)),
+    *((0.12, 0.1, 0.5, 0.09), (-0.12, -0.1, 0.5, 0.09)),
 )
 
 
 def turned(rig: Rig, name: str, degrees: float) -> Rig:
     """A rig in which somebody has bumped a camera."""
     turn = matrix_from_rodrigues(np.radians(degrees) * np.array([0.8, 0.6, 0]))
-    return Rig(
-        tuple(
-            (
-                replace(c, rotation=turn @ c.rotation, translation=turn @ c.translation)
-                if c.name == name
-                else c
-            )
-            for c in rig
-        )
+    bumped = replace(
+        rig[name], rotation=turn @ rig[name].rotation, translation=turn @ rig[name].translation
     )
+    return Rig(tuple(bumped if camera.name == name else camera for camera in rig))
 
 
 def figure_masks(camera: Camera, moments: Iterable[float]) -> list[np.ndarray]:
@@ -162,29 +135,16 @@ def figure_masks(camera: Camera, moments: Iterable[float]) -> list[np.ndarray]:
     for moment in moments:
         mask = np.zeros(camera.size[::-1], np.uint8)
         turn, swing = 0.12 * moment, np.sin(0.45 * moment)
-        for x, y, z, radius in (*_BALLS, *_FEET):
+        for x, y, z, radius in _BALLS:
             y = y * (swing if z < 0.8 else 1.0)
-            place = np.array(
-                [
-                    [
-                        np.cos(turn) * x - np.sin(turn) * y,
-                        np.sin(turn) * x + np.cos(turn) * y + 0.03 * moment - 0.4,
-                        z * (1 + 0.05 * swing),
-                    ]
-                ]
-            )
+            across = np.cos(turn) * x - np.sin(turn) * y
+            along = np.sin(turn) * x + np.cos(turn) * y + 0.03 * moment - 0.4
+            place = np.array([[across, along, z * (1 + 0.05 * swing)]])
             (pixel,), (depth,) = camera.project(place)
             # Sixteenths of a pixel, or whole frames would look alike.
             middle = tuple(int(v) for v in np.round(pixel * 16))
-            cv2.circle(
-                mask,
-                middle,
-                int(16 * camera.matrix[0, 0] * radius / depth),
-                255,
-                cv2.FILLED,
-                cv2.LINE_8,
-                4,
-            )
+            reach = int(16 * camera.matrix[0, 0] * radius / depth)
+            cv2.circle(mask, middle, reach, 255, cv2.FILLED, cv2.LINE_8, 4)
         masks.append(mask)
     return masks
 

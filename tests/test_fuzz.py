@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 _SLOW = ("summary", "settings")
-_MUTATIONS, _MOST_S, _SEED = 300, 0.4, 7
+_MUTATIONS, _MOST_S, _SEED = 300, 0.2, 7
 
 
 @pytest.fixture

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import write_library
 from tests.clips import waving
 from tests.outside import install_backends, note_calls
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import small_library
 from tests.sources import ring, write_staged
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,7 +28,7 @@ def desk(tmp_path_factory):
     """A recording of somebody who walks and waves, and a library."""
     folder = tmp_path_factory.mktemp("desk")
     write_staged(folder / "walk", waving(24), ring(4, (320, 240)))
-    write_library(build_library(small_bases(), swaying().model, SETTINGS), folder / "lib.vplib")
+    write_library(small_library(), folder / "lib.vplib")
     (folder / "outside").mkdir()
     install_backends(folder / "outside")
     note_calls(folder / "outside")

@@ -171,9 +171,8 @@ def test_pelvis_leans_the_same_whichever_way_it_faces():
 
 
 def test_obliquity_raises_the_right_side():
-    raised = Rotation.from_euler(
-        "y", 15, degrees=True
-    )  # about +y: from z toward x, so the right hip, at -x, goes up
+    # About +y: from z toward x, so the right hip, at -x, goes up.
+    raised = Rotation.from_euler("y", 15, degrees=True)
     result = replace(posed({}), root_quaternion=raised.as_quat(scalar_first=True)[None])
     hips = result.landmarks()[0, [4, 1], 2]
     assert hips[0] > hips[1]

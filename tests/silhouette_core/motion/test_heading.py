@@ -70,9 +70,8 @@ def test_mirrored_landmarks_are_reflected_and_swapped(seed):
         for n in LANDMARK_NAMES
     ]
     expected = motion.landmarks()[:, swap] * (-1, 1, 1)
-    np.testing.assert_allclose(
-        mirrored(motion).landmarks(), expected, atol=5e-3
-    )  # the template is symmetric to some millimetres
+    # The template is symmetric to some millimetres.
+    np.testing.assert_allclose(mirrored(motion).landmarks(), expected, atol=5e-3)
 
 
 def test_quality_follows_its_part():

@@ -89,9 +89,8 @@ def test_second_half_of_a_cycle_is_the_mirror_image_of_the_first(motions):
     times = np.array([0.0, 0.1, 0.3])
     early, late = (np.rint(t * 30).astype(int) for t in (times, times + 0.55))
     other = mirrored(walk.select(early))
-    assert np.abs(other.angles_rad - walk.select(late).angles_rad).max() < np.radians(
-        12
-    )  # 0.55 s is not a whole number of frames
+    # 0.55 s is not a whole number of frames.
+    assert np.abs(other.angles_rad - walk.select(late).angles_rad).max() < np.radians(12)
 
 
 def test_notation():

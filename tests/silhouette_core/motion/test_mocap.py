@@ -136,13 +136,8 @@ def test_skeletons_by_the_names_of_their_makers(bvh, family):
 
 def test_own_names_by_a_map(bvh, tmp_path):
     strange = renamed(bvh, lambda part: part[::-1])
-    with pytest.raises(
-        InputError,
-        match=(
-            r"renamed\.bvh: unknown joints: nothing found for pelvis, .*the skeleton has"
-            r" sivlep.*TOML"
-        ),
-    ):
+    words = "unknown joints: nothing found for pelvis, .*the skeleton has sivlep.*TOML"
+    with pytest.raises(InputError, match=rf"renamed\.bvh: {words}"):
         read_clip(strange)
     own = tmp_path / "own.toml"
     own.write_text("".join(f'{role} = "{role[::-1]}"\n' for role in ROLES))
@@ -161,11 +156,8 @@ def test_own_names_by_a_map(bvh, tmp_path):
 def test_one_line_for_both_sides(tmp_path):
     (tmp_path / "map.toml").write_text('thigh = ["{Left}UpLeg", "thigh.{l}"]\nleft_foot = "Fuss"\n')
     names = NameMap.read(tmp_path / "map.toml").names
-    assert (
-        names["right_thigh"] == ("RightUpLeg", "thigh.r")
-        and names["left_foot"] == ("Fuss",)
-        and "right_foot" not in names
-    )
+    assert names["right_thigh"] == ("RightUpLeg", "thigh.r")
+    assert names["left_foot"] == ("Fuss",) and "right_foot" not in names
 
 
 def rows_changed(change):
@@ -221,33 +213,19 @@ def test_damaged_files_are_refused_in_words(bvh, damage, message):
 @pytest.fixture
 def expmap(tmp_path) -> Path:
     """Stick figure in the layout of the motion-prediction literature, with our parts' names."""
-    names = [
-        "pelvis",
-        "thorax",
-        *(
-            f"{s}_{n}"
-            for s in ("left", "right")
-            for n in ("upper_arm", "forearm", "hand", "thigh", "shin", "foot")
-        ),
-    ]
+    limbs = "upper_arm", "forearm", "hand", "thigh", "shin", "foot"
+    names = ["pelvis", "thorax", *(f"{s}_{n}" for s in ("left", "right") for n in limbs)]
     parents = [-1, 0, 1, 2, 3, 0, 5, 6, 1, 8, 9, 0, 11, 12]
     offsets = [[0, 0, 0], [0, 40, 0]]
     for side in (1, -1):
-        offsets += [
-            [side * 18, 5, 0],
-            [side * 28, 0, 0],
-            [side * 25, 0, 0],
-            [side * 9, -5, 0],
-            [0, -42, 0],
-            [0, -42, 0],
-        ]
+        offsets += [[side * 18, 5, 0], [side * 28, 0, 0], [side * 25, 0, 0]]
+        offsets += [[side * 9, -5, 0], [0, -42, 0], [0, -42, 0]]
     skeleton = {"parent": parents, "offset": offsets, "fps": 30, "names": names, "root_scale": 1.0}
     (tmp_path / "skeleton.json").write_text(json.dumps(skeleton))
     rows = np.zeros((4, 3 + 3 * len(names)))
     rows[:, 1] = 90
-    rows[2, 3 + 3 * names.index("right_upper_arm") + 2] = (
-        -np.pi / 2
-    )  # joint_from_parent: the arm itself turns by +90 degrees about z
+    # joint_from_parent: the arm itself turns by +90 degrees about z.
+    rows[2, 3 + 3 * names.index("right_upper_arm") + 2] = -np.pi / 2
     np.savetxt(tmp_path / "take.csv", rows, delimiter=",")
     return tmp_path / "take.csv"
 
@@ -256,9 +234,8 @@ def test_exponential_maps(expmap):
     recorded = read_clip(expmap)
     place = lambda name: recorded.positions[2, recorded.joints.index(name)]  # noqa: E731
     np.testing.assert_allclose(place("pelvis"), [0, 90, 0])
-    np.testing.assert_allclose(
-        place("right_hand") - place("right_upper_arm"), [0, -53, 0], atol=1e-6
-    )
+    arm = place("right_hand") - place("right_upper_arm")
+    np.testing.assert_allclose(arm, [0, -53, 0], atol=1e-6)
     np.testing.assert_allclose(place("left_hand") - place("left_upper_arm"), [53, 0, 0], atol=1e-6)
 
 
@@ -285,9 +262,8 @@ def test_files_and_folders(bvh, tmp_path):
     model = waving().model
     (tmp_path / "deeper").mkdir()
     write_bvh(waving(9, fps=60), tmp_path / "deeper" / "other.BVH")
-    (tmp_path / "joints.csv").write_text(
-        "frame,joint\n"
-    )  # not motion, since no skeleton.json is beside it
+    # No motion, since no skeleton.json is beside it.
+    (tmp_path / "joints.csv").write_text("frame,joint\n")
     motions = load_motions([tmp_path, bvh], model)
     assert [(len(motion), motion.fps) for motion in motions] == [(5, 30), (6, pytest.approx(25))]
     with pytest.raises(InputError, match="nowhere does not exist"):

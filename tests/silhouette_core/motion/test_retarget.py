@@ -35,15 +35,10 @@ def degrees_between(a, b):
 
 def standing_then(motion: Motion) -> Motion:
     """Puts a second of standing at rest before a motion."""
-    count = 6
-    rest = Motion(
-        motion.fps,
-        motion.model,
-        np.vstack([np.tile(motion.root_m[:1], (count, 1)), motion.root_m]),
-        np.vstack([np.tile(motion.root_quaternion[:1], (count, 1)), motion.root_quaternion]),
-        np.vstack([np.zeros((count, motion.angles_rad.shape[1])), motion.angles_rad]),
-    )
-    return rest
+    root_m, quaternion, angles = motion.root_m, motion.root_quaternion, motion.angles_rad
+    root_m, quaternion = (np.vstack([one[:1].repeat(6, 0), one]) for one in (root_m, quaternion))
+    angles = np.vstack([np.zeros((6, angles.shape[1])), angles])
+    return Motion(motion.fps, motion.model, root_m, quaternion, angles)
 
 
 def test_our_own_bvh_comes_back(tmp_path):
@@ -52,12 +47,8 @@ def test_our_own_bvh_comes_back(tmp_path):
     again = retarget(read_clip(tmp_path / "own.bvh"), motion.model)
     assert len(again) == len(motion)
     index = motion.model.names.index
-    assert (
-        degrees_between(
-            directions(motion.parts()[1], index), directions(again.parts()[1], index)
-        ).max()
-        < 3
-    )
+    ours, theirs = (directions(one.parts()[1], index) for one in (motion, again))
+    assert degrees_between(ours, theirs).max() < 3
     turn = Rotation.from_quat(again.root_quaternion, scalar_first=True).inv() * Rotation.from_quat(
         motion.root_quaternion, scalar_first=True
     )
@@ -115,13 +106,10 @@ def test_feet_touch_the_floor_but_in_jumps(tmp_path):
 def test_t_pose_before_the_motion_is_left_out(tmp_path):
     motion = waving(12)
     motion.angles_rad[0] = 0
-    for side in ("left", "right"):
-        motion.angles_rad[0, motion.model.tree.dof_names.index(f"{side}_upper_arm.abduction")] = (
-            np.radians(45)
-        )
-    motion.angles_rad[1:, motion.model.tree.dof_names.index("left_upper_arm.abduction")] = (
-        np.radians(-40)
-    )
+    sides = "left", "right"
+    left, right = (motion.model.tree.dof_names.index(f"{s}_upper_arm.abduction") for s in sides)
+    motion.angles_rad[0, [left, right]] = np.radians(45)
+    motion.angles_rad[1:, left] = np.radians(-40)
     write_bvh(motion, tmp_path / "t.bvh")
     assert len(retarget(read_clip(tmp_path / "t.bvh"), motion.model)) == 11
 

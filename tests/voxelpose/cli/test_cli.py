@@ -45,7 +45,7 @@ def ended(process):
     return process.returncode, out, err
 
 
-@pytest.mark.parametrize("words", [["--help"], ["fit", "--help"], ["--version"]])
+@pytest.mark.parametrize("words", [["fit", "--help"], ["--version"]])
 def test_whoever_reads_the_output_may_go(desk, words):
     process = start(desk, *words)
     process.stdout.close()
@@ -77,24 +77,20 @@ for words in ([], *([name] for name in COMMANDS)):
         assert f"voxelpose {name}" in text
 
 
-def seconds_of(desk, *words, **code) -> tuple[float, str]:
-    """Time of the processor, since other processes may be busy, and what was written."""
+def seconds_of(desk, *words, **code) -> float:
+    """Time of the processor, since other processes may be busy."""
     before = os.times()
-    returned, out, _ = ended(start(desk, *words, **code))
-    now = os.times()
-    assert returned == 0
-    return sum(now[2:4]) - sum(before[2:4]), out
+    assert ended(start(desk, *words, **code))[0] == 0
+    return sum(os.times()[2:4]) - sum(before[2:4])
 
 
-@pytest.mark.parametrize("words", [["--help"], ["fit", "--help"]])
-def test_help_answers_at_once(desk, words, monkeypatch):
+def test_help_answers_at_once(desk, monkeypatch):
     monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)  # compiled once, as by users
     # By turns, so that both meet the same machine; the least of each is what they need.
     needed = "import numpy, tyro"
-    pairs = [(seconds_of(desk, code=needed), seconds_of(desk, *words)) for _ in range(5)]
-    (reference, _), (seconds, out) = (min(found) for found in zip(*pairs, strict=True))
+    pairs = [(seconds_of(desk, code=needed), seconds_of(desk, "fit", "--help")) for _ in range(3)]
+    reference, seconds = map(min, zip(*pairs, strict=True))
     assert seconds < 2.5 * reference  # 1.4 times; with SciPy, Numba and OpenCV 5
-    assert len(words) == 2 or all(name in out for name in COMMANDS)
 
 
 @pytest.mark.parametrize("name", ["fit", "track", "live"])

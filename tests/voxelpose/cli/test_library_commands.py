@@ -24,35 +24,16 @@ def clips(desk, monkeypatch):
 
 
 def test_build_and_info(clips, desk, capsys):
-    assert (
-        run(
-            [
-                "library",
-                "build",
-                str(clips),
-                "--out",
-                str(desk / "me.vplib"),
-                *SMALL,
-                "--pitch",
-                "4",
-                "--leave-out",
-                "wave_2",
-            ]
-        )
-        == 0
-    )
+    more = ["--out", "me.vplib", "--pitch", "4", "--leave-out", "wave_2"]
+    assert run(["library", "build", "clips", *SMALL, *more]) == 0
     out = capsys.readouterr().out
     library = read_library(desk / "me.vplib")
     assert library.bases.clips == ("wave_1",)
     assert 0 < len(library) <= 12 and library.model.sizes.stature_m == 1.7
     np.testing.assert_allclose(np.degrees(library.views), [[0, 4], [120, 4], [240, 4]])
-    assert sorted(path.name for path in desk.iterdir() if path.name != "site") == [
-        "clips",
-        "me.vplib",
-    ]
-    assert (
-        f"{len(library)} = {len(library.bases.angles)} (0 of them mirror images) x 3 views" in out
-    )
+    assert {path.name for path in desk.iterdir()} == {"site", "clips", "me.vplib"}
+    poses = len(library.bases.angles)
+    assert f"{len(library)} = {poses} (0 of them mirror images) x 3 views" in out
     assert run(["library", "info", str(desk / "me.vplib"), "--png", str(desk / "sheet.png")]) == 0
     assert "stature 1.7 m" in capsys.readouterr().out
     assert (desk / "sheet.png").read_bytes().startswith(b"\x89PNG")
@@ -83,7 +64,7 @@ def test_build_for_a_named_body(clips, desk, capsys):
         ("build clips --out x --poses 5", "5 poses are too few"),
         ("build clips --out x --pitch 200", "not one a standing camera has"),
         (
-            " ".join(["build clips --out clips/wave_1.bvh", *SMALL]),
+            f"build clips --out clips/wave_1.bvh {' '.join(SMALL)}",
             "is not a pose library, so it is not overwritten",
         ),
     ],
@@ -91,10 +72,8 @@ def test_build_for_a_named_body(clips, desk, capsys):
 def test_mistakes_are_one_line(clips, desk, monkeypatch, capsys, words, line):
     monkeypatch.chdir(desk)
     assert run(["library", *words.split()]) == 2
-    errors = [
-        text for text in capsys.readouterr().err.splitlines() if text.startswith("voxelpose: ")
-    ]
-    assert len(errors) == 1 and line in errors[0]
+    (error,) = [e for e in capsys.readouterr().err.splitlines() if e.startswith("voxelpose: ")]
+    assert line in error
     assert not (desk / "x").exists()
 
 

@@ -85,6 +85,7 @@ def test_what_may_be_repeated_is_replaced_not_added_to(desk):
 def test_every_option_of_every_command_can_be_set(desk):
     values = {bool: "true", int: "3", float: "0.5", str: "'x'", Path: "'x'"}
     for section in all_sections():
+        lines = [f"[{section}]"]
         for option in options_of(load_command(section)).values():
             if choices_of(option.kind):
                 continue  # below
@@ -95,8 +96,9 @@ def test_every_option_of_every_command_can_be_set(desk):
             if option.name == "volume":
                 text = "[0, 0, 0, 1, 1, 1]"
             assert text is not None, option
-            write(desk, f"[{section}]\n{option.name} = {text}")
-            assert run(["settings", "--command", section]) == 0
+            lines.append(f"{option.name} = {text}")
+        write(desk, "\n".join(lines))
+        assert run(["settings", "--command", section]) == 0
     write(desk, "[fit]\nunit = 'mm'\nsex = 'female'\nrepair = 'off'")
     assert (fitted("--out", "x").unit, fitted("--out", "x").sex) == ("mm", "female")
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.library_fuzz_targets import unlearned_proposal
-from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import read_library, write_library
 from tests.clips import waving
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import small_library
 from tests.sources import ring, write_recording, write_staged
 from voxelpose.cli import run
 
@@ -21,8 +20,7 @@ FRAMES = 4
 @pytest.fixture(scope="module")
 def library_bytes(tmp_path_factory):
     path = tmp_path_factory.mktemp("library") / "small.vplib"
-    library = build_library(small_bases(), swaying().model, SETTINGS)
-    write_library(replace(library, proposal=unlearned_proposal()), path)
+    write_library(replace(small_library(), proposal=unlearned_proposal()), path)
     return path.read_bytes()
 
 

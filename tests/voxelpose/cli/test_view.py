@@ -60,9 +60,8 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
     pictures = [film.read()[1] for _ in range(3)]
     cv2.imwrite("last.png", pictures[2])
     cv2.imwrite("lost.png", pictures[0])
-    assert (
-        red_share("last.png") > 0.001 > red_share("lost.png")
-    )  # the first frame has a hull, but no pose
+    # The first frame has a hull, but no pose.
+    assert red_share("last.png") > 0.001 > red_share("lost.png")
     assert sorted(path.name for path in fitted.iterdir() if path.suffix == ".webm") == ["hull.webm"]
 
 

@@ -78,9 +78,8 @@ def test_each_of_several_people_is_moved_by_one_animation_on_one_clock(tmp_path)
 
 
 def test_quaternions_are_unit_and_take_the_short_way(written):
-    spun = (
-        np.radians(np.linspace(0, 700, 12)) / 2
-    )  # twice around: the sign of a canonical quaternion would jump
+    # Twice around: the sign of a canonical quaternion would jump.
+    spun = np.radians(np.linspace(0, 700, 12)) / 2
     motion = replace(
         waving(12), root_quaternion=np.column_stack([np.cos(spun), np.zeros((12, 2)), np.sin(spun)])
     )

@@ -128,13 +128,11 @@ def test_mot_puts_the_bones_where_they_are(tmp_path, motion):
         )
         knee = hip + length(f"{side}_hip", f"{side}_knee") * thigh @ down
         np.testing.assert_allclose(knee, joints[f"{side}_knee"], atol=2e-5)
-        shin = thigh @ np.swapaxes(
-            turned(columns, f"knee_angle_{letter}", "", ""), 1, 2
-        )  # flexion is positive, and turns backward
+        # Flexion is positive, and turns backward.
+        shin = thigh @ np.swapaxes(turned(columns, f"knee_angle_{letter}", "", ""), 1, 2)
         ankle = knee + length(f"{side}_knee", f"{side}_ankle") * shin @ down
-        np.testing.assert_allclose(
-            ankle, joints[f"{side}_ankle"], atol=0.04
-        )  # the model's knee bends about z alone
+        # The model's knee bends about z alone.
+        np.testing.assert_allclose(ankle, joints[f"{side}_ankle"], atol=0.04)
         arm = trunk @ turned(
             columns, *(f"arm_{name}_{letter}" for name in ("flex", "add", "rot")), mirror=sign
         )
@@ -154,9 +152,8 @@ def test_mot_is_continuous_and_leaves_lost_frames_out(tmp_path):
     write_mot(motion, tmp_path / "motion.mot")
     columns = read_mot(tmp_path / "motion.mot")
     np.testing.assert_allclose(columns["time"], motion.frames / motion.fps)
-    assert (
-        columns["arm_add_r"].min() < -150
-    )  # raised to the side, past the horizontal where the other triple begins
+    # Raised to the side, past the horizontal where the other triple begins.
+    assert columns["arm_add_r"].min() < -150
     for name, values in columns.items():
         if name != "time":
             assert np.abs(np.diff(values)).max() < 12, name

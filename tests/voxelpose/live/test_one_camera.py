@@ -9,11 +9,10 @@ from benchmarks.library_fuzz_targets import unlearned_proposal
 from calib.errors import InputError
 from silhouette_core.estimator import Settings
 from silhouette_core.monocular.monocular_stages import MonocularOptions
-from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import write_library
 from silhouette_core.monocular.tree_estimator import TreeOptions
 from silhouette_core.progress import SilentReporter
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import small_library
 from tests.sources import ring
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
 from voxelpose.live.live_estimators import LiveMoment, LiveMonocular, LiveTree
@@ -26,7 +25,7 @@ STANDING = posed({"left_upper_arm.abduction": -40, "right_upper_arm.abduction": 
 
 @pytest.fixture(scope="module")
 def library():
-    return build_library(small_bases(), swaying().model, SETTINGS)
+    return small_library()
 
 
 @pytest.fixture

@@ -104,7 +104,6 @@ def test_a_recording_tells_which_cameras_are_interlaced(tmp_path: Path):
     assert note.startswith("cam_2: flagged as interlaced")
 
 
-@pytest.mark.parametrize("size", [(96, 64), (95, 63)])
 @pytest.mark.parametrize(
     "words",
     [
@@ -115,7 +114,8 @@ def test_a_recording_tells_which_cameras_are_interlaced(tmp_path: Path):
         ["-c:v", "libx265", "-x265-params", "crf=4:log-level=none", "-pix_fmt", "yuv444p12le"],
     ],
 )
-def test_any_format_of_pixels_is_converted(tmp_path: Path, words: list[str], size):
+def test_any_format_of_pixels_is_converted(tmp_path: Path, words: list[str]):
+    size = (WIDTH - 1, HEIGHT - 1)  # half a pixel of colour is left over
     pictures = [bar(k)[: size[1], : size[0]] for k in range(COUNT)]
     crop = ["-vf", f"crop={size[0]}:{size[1]}:0:0:1"]
     whole = [bar(k) for k in range(COUNT)]

@@ -24,17 +24,7 @@ from voxelpose.report.verdict import check_cameras
 from voxelpose.results import Result
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
-SECTIONS = (
-    "overview",
-    "findings",
-    "sheet",
-    "angles",
-    "quality",
-    "cameras",
-    "timings",
-    "settings",
-    "words",
-)
+SECTIONS = "overview findings sheet angles quality cameras timings settings words".split()
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 
 
@@ -146,10 +136,8 @@ def test_a_camera_that_was_moved_stands_out(desk):
         line.overlap > 0.9 and line.uncovered < 0.06 and line.beyond < 0.06 for line in lines
     )
     first, *others = rig
-    moved_rig = Rig(
-        (replace(first, translation=first.translation + np.array([0.15, 0, 0])), *others)
-    )
-    write_rig(moved_rig, desk / "out" / "calibration.toml")
+    first = replace(first, translation=first.translation + np.array([0.15, 0, 0]))
+    write_rig(Rig((first, *others)), desk / "out" / "calibration.toml")
     moved = check_cameras(ResultScenes("out"))
     assert [line.camera for line in moved.lines if line.apart] == ["cam_1"]
     assert "cam_1" in moved.summary
@@ -160,11 +148,8 @@ def test_one_page_about_several_people(couple):
     text = (couple / "report.html").read_text(encoding="utf-8")
     page = Page(text)
     assert len(page.ids) == len(set(page.ids))
-    sections = ("overview", "findings", "sheet", "person_1", "person_2", "cameras", "timings")
-    assert [name for name in page.ids if name in (*SECTIONS, *sections)] == [
-        *sections,
-        *("settings", "words"),
-    ]
+    sections = "overview findings sheet person_1 person_2 cameras timings settings words".split()
+    assert [name for name in page.ids if name in (*SECTIONS, *sections)] == sections
     targets = {reference[1:] for reference in page.references if reference.startswith("#")}
     assert targets <= set(page.ids)
     for name, colour in zip(("person_1", "person_2"), COLOURS, strict=False):
@@ -182,13 +167,8 @@ def test_one_page_about_several_people(couple):
 
 def test_a_gap_interrupts_a_curve_and_the_label_has_the_range():
     time_s = np.array([0.0, 0.1, 0.2, 0.9, 1.0])
-    text = time_chart(
-        TimeChart(
-            "Knee & <more>", "degrees", {"left": (np.array([5.0, 60, 10, 20, 30]), "#abcdef")}
-        ),
-        time_s,
-        "one",
-    )
+    curves = {"left": (np.array([5.0, 60, 10, 20, 30]), "#abcdef")}
+    text = time_chart(TimeChart("Knee & <more>", "degrees", curves), time_s, "one")
     assert 'aria-label="Knee &amp; &lt;more&gt; over time: left from 5 to 60 degrees"' in text
     curve = next(path for path in re.findall(r'<path d="([^"]*)"[^>]*#abcdef', text))
     assert curve.count("M") == 2 and "http" not in text and "#123456" not in text

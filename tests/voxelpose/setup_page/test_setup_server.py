@@ -27,14 +27,13 @@ from voxelpose.view.serving.page_answers import parse_request
 
 TOKEN = "open & sesame"
 POSTS = (
-    "/api/silhouettes",
-    "/api/stage",
-    "/api/points",
-    "/api/ground",
-    "/api/save",
-    "/api/check/start",
-    "/api/check/repair",
+    *("/api/silhouettes", "/api/stage", "/api/points", "/api/ground", "/api/save"),
+    *("/api/check/start", "/api/check/repair"),
 )
+KEYS = (
+    "places points fit regions unknown cam_1 name up pixels polygons painted moment height_m"
+    " position_m camera stage pixel"
+).split()
 
 
 @pytest.fixture(scope="module")
@@ -195,46 +194,17 @@ def test_damaged_requests_are_refused_in_a_line(local, folder, body, capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
+WORDS = st.text(max_size=20) | st.sampled_from(["cam_1", "z", "auto"])
 JSON = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.floats()
-    | st.integers()
-    | st.text(max_size=20)
-    | st.sampled_from(["cam_1", "z", "auto"]),
+    st.none() | st.booleans() | st.floats() | st.integers() | WORDS,
     lambda inner: (
-        st.lists(inner, max_size=4)
-        | st.dictionaries(
-            st.sampled_from(
-                [
-                    "places",
-                    "points",
-                    "fit",
-                    "regions",
-                    "unknown",
-                    "cam_1",
-                    "name",
-                    "up",
-                    "pixels",
-                    "polygons",
-                    "painted",
-                    "moment",
-                    "height_m",
-                    "position_m",
-                    "camera",
-                    "stage",
-                    "pixel",
-                ]
-            ),
-            inner,
-            max_size=4,
-        )
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(KEYS), inner, max_size=4)
     ),
     max_leaves=20,
 )
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(content=JSON, path=st.sampled_from(POSTS[:4]))
 def test_no_request_is_a_bug(local, content, path):
     status, answer = ask(local, path, json.dumps(content).encode())

@@ -57,9 +57,8 @@ def fitted(desk, made):
 def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(scenes):
     scene = scenes.scene(2)
     assert scene.frame == 2 and scene.time_s == pytest.approx(2 / 25) and not scene.notes
-    assert [camera_frame.camera.name for camera_frame in scene.camera_frames] == [
-        f"cam_{k + 1}" for k in range(CAMERAS)
-    ]
+    names = [camera_frame.camera.name for camera_frame in scene.camera_frames]
+    assert names == [f"cam_{k + 1}" for k in range(CAMERAS)]
     for camera_frame in scene.camera_frames:
         pixels, _ = camera_frame.camera.project(scene.bodies[0].joints_m)
         columns, rows = np.rint(pixels).astype(int).T
@@ -109,11 +108,8 @@ def test_frames_in_any_order_are_the_same(fitted):
 
 def test_a_lost_frame_shows_the_hull_and_says_so(scenes):
     scene = scenes.scene(0)
-    assert (
-        scene.bodies == (None,)
-        and scene.hull.occupancy.any()
-        and scene.notes == ("no pose was found in this frame",)
-    )
+    assert scene.bodies == (None,) and scene.hull.occupancy.any()
+    assert scene.notes == ("no pose was found in this frame",)
     assert not scene.is_posed and scenes.areas(0) == {}
     assert "no pose" in area_text("neck", {})
 
@@ -137,13 +133,8 @@ def test_a_missing_recording(fitted):
 
 def test_the_unit_of_a_fit_is_known(fitted):
     calibration = fitted / "walk" / "calibration.toml"
-    calibration.write_text(
-        "".join(
-            line
-            for line in calibration.read_text().splitlines(keepends=True)
-            if not line.startswith("unit")
-        )
-    )
+    lines = calibration.read_text().splitlines(keepends=True)
+    calibration.write_text("".join(line for line in lines if not line.startswith("unit")))
     with pytest.raises(InputError, match="in which unit"):
         ResultScenes("walk")
     assert ResultScenes("out").scene(1).hull is not None
@@ -152,54 +143,34 @@ def test_the_unit_of_a_fit_is_known(fitted):
 def test_a_recording_alone(fitted):
     scenes = ResultScenes("walk", voxel_size_m=0.04)
     scene = scenes.scene(1)
-    assert (
-        scene.bodies == ()
-        and scene.hull.occupancy.any()
-        and not scene.notes
-        and len(scenes.frames) == FRAMES
-    )
+    assert scene.bodies == () and scene.hull.occupancy.any() and not scene.notes
+    assert len(scenes.frames) == FRAMES
 
 
 def test_cameras_stay_in_step_where_timestamps_say_so(fitted):
     """The second camera's first picture is missing: what it shows must still be of the frame's
     moment.
     """
-    lines = [
-        "cam_id,frame_time",
-        *(
-            f"cam_{c},{(t + (c == 2)) / 25:.4f}"
-            for c in range(1, CAMERAS + 1)
-            for t in range(FRAMES)
-        ),
-    ]
-    (fitted / "walk" / "timestamps.csv").write_text("\n".join(lines) + "\n")
+    cameras = range(1, CAMERAS + 1)
+    lines = [f"cam_{c},{(t + (c == 2)) / 25:.4f}\n" for c in cameras for t in range(FRAMES)]
+    (fitted / "walk" / "timestamps.csv").write_text("".join(["cam_id,frame_time\n", *lines]))
     late = ResultScenes("walk", voxel_size_m=0.05)
     (fitted / "walk" / "timestamps.csv").unlink()
     whole = ResultScenes("walk", voxel_size_m=0.05)
     assert len(late.frames) == FRAMES - 1
-    np.testing.assert_array_equal(
-        late.camera_frames(1)[0].picture, whole.camera_frames(2)[0].picture
-    )
-    np.testing.assert_array_equal(
-        late.camera_frames(1)[1].picture, whole.camera_frames(1)[1].picture
-    )
+    first, second, *_ = (one.picture for one in late.camera_frames(1))
+    np.testing.assert_array_equal(first, whole.camera_frames(2)[0].picture)
+    np.testing.assert_array_equal(second, whole.camera_frames(1)[1].picture)
 
 
 def test_pictures_of_cameras(scenes):
-    camera_frame = scenes.scene(1).camera_frames[0]
-    silhouette, plain = (
-        camera_picture(camera_frame, "silhouette"),
-        camera_picture(camera_frame, "picture"),
-    )
-    assert (
-        set(np.unique(silhouette)) == {30, 255}
-        and (silhouette[..., 0] == 255).sum() == camera_frame.mask.sum()
-    )
-    np.testing.assert_array_equal(plain, camera_frame.picture)
-    assert (
-        camera_picture(camera_frame, "both")[~camera_frame.mask].mean()
-        < 0.6 * plain[~camera_frame.mask].mean()
-    )
+    frame = scenes.scene(1).camera_frames[0]
+    kinds = "silhouette", "picture", "both"
+    silhouette, plain, both = (camera_picture(frame, kind) for kind in kinds)
+    assert set(np.unique(silhouette)) == {30, 255}
+    assert (silhouette[..., 0] == 255).sum() == frame.mask.sum()
+    np.testing.assert_array_equal(plain, frame.picture)
+    assert both[~frame.mask].mean() < 0.6 * plain[~frame.mask].mean()
 
 
 def test_hypotheses(fitted, tmp_path):
@@ -212,19 +183,15 @@ def test_hypotheses(fitted, tmp_path):
     (tmp_path / "out" / "hypotheses.csv").write_text("\n".join(lines) + "\n")
     scenes = ResultScenes("out", voxel_size_m=0.05)
     hypotheses = scenes.scene(3).hypotheses
-    assert (
-        scenes.has_hypotheses
-        and [hypothesis.rank for hypothesis in hypotheses] == [1, 2]
-        and hypotheses[0].probability == 0.7
-    )
+    assert scenes.has_hypotheses and [hypothesis.rank for hypothesis in hypotheses] == [1, 2]
+    assert hypotheses[0].probability == 0.7
     assert np.nansum(hypotheses[1].joints_m) == 3 + 2 + 1.5 and scenes.scene(2).hypotheses == ()
     assert (None, "Pose 2: 20 %") in frame_lines(scenes.scene(3))
     (tmp_path / "out" / "hypotheses.csv").write_text(
         "frame,rank,probability,joint,x_m,y_m,z_m\n1,1,0.5,tail,0,0,0\n"
     )
-    with pytest.raises(
-        InputError, match=r"hypotheses\.csv line 2 is damaged \(there is no joint tail\)"
-    ):
+    words = r"hypotheses\.csv line 2 is damaged \(there is no joint tail\)"
+    with pytest.raises(InputError, match=words):
         read_hypotheses(tmp_path / "out" / "hypotheses.csv")
 
 
@@ -234,12 +201,8 @@ def test_every_joint_of_a_hypothesis_is_drawn():
 
 def test_colours_tell_good_from_bad():
     bad, half, good, unknown = overlap_colours(np.array([0.0, 0.5, 1.0, np.nan])).astype(int)
-    assert (
-        bad[0] > good[0] + 100
-        and good[2] > bad[2] + 100
-        and unknown.std() == 0
-        and half[1] > max(bad[1], good[1])
-    )
+    assert bad[0] > good[0] + 100 and good[2] > bad[2] + 100
+    assert unknown.std() == 0 and half[1] > max(bad[1], good[1])
 
 
 def test_what_is_unknown_is_told_hatched_and_not_carved(fitted, scenes):

@@ -32,7 +32,7 @@ from tests.silhouette_core.monocular.filming import MOVEMENTS, body, performed
 from tests.silhouette_core.monocular.tree.small_library import SETTINGS, swaying
 
 STEPS = TrainingSettings(steps=3, batch=16, modes=2, units=8, blocks=1)
-TINY = LearningSettings(frames=240, pictures=120, encoding=STEPS, training=STEPS)
+TINY = LearningSettings(frames=120, pictures=60, encoding=STEPS, training=STEPS)
 
 
 def learn_tiny(motion, *more, settings=TINY, **named):
@@ -65,13 +65,13 @@ class Stages(SilentReporter):
 
 @cache
 def unseen_takes():
-    """Movements that no proposal has learned, three times each, of other people."""
+    """Movements that no proposal has learned, twice each, of other people."""
     model = body()
     motions, bodies = keypose_motions(model), VirtualBodies(model)
     unseen = [motions[f"{name} 2"] for name in MOVEMENTS]
     return [
         film_take(motion, bodies, np.random.default_rng([1, seed]))
-        for seed, motion in enumerate(unseen * 3)
+        for seed, motion in enumerate(unseen * 2)
     ]
 
 
@@ -116,7 +116,7 @@ def test_joints_that_are_seen_tell_the_shipped_proposal_more():
     assert seen[False] < 0.95 * blind[False] and seen[True] < 0.95 * blind[True]
 
 
-@pytest.mark.slow
+@pytest.mark.accuracy
 def test_a_short_training_tells_more_than_the_mean_pose(monkeypatch):
     monkeypatch.setattr(network_training, "_SAMPLE", 800)
     training = TrainingSettings(steps=600, batch=128, units=128, blocks=1, modes=4, rate=2e-3)
@@ -146,8 +146,8 @@ def test_the_loss_is_told_as_learning_goes_on(learned):
 def digest() -> str:
     """Digest of what is learned in steps as wide as usual ones."""
     settings = LearningSettings(
-        frames=400,
-        pictures=200,
+        frames=200,
+        pictures=100,
         encoding=TrainingSettings(steps=4, batch=64),
         training=TrainingSettings(steps=4, batch=320),
     )
@@ -254,9 +254,9 @@ def test_every_other_take_is_varied_or_all(monkeypatch):
         return motion
 
     monkeypatch.setattr("silhouette_core.monocular.making.proposal_learning.vary_motion", vary)
-    counts = []
+    counts, settings = [], replace(TINY, frames=240, pictures=120)
     for every in (False, True):
-        learn_tiny(swaying(), settings=replace(TINY, all_varied=every))
+        learn_tiny(swaying(), settings=replace(settings, all_varied=every))
         counts.append(len(varied) - sum(counts))
     assert counts[0] == (counts[1] + 1) // 2 > 1
 

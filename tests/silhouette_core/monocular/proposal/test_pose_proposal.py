@@ -28,10 +28,9 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     seen_codes,
     shading_grid,
 )
-from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.rendering import STATURE_PX, WINDOW_PX, silhouette_levels
 from silhouette_core.monocular.tree.store import read_library, write_library
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import small_library
 
 
 @pytest.fixture
@@ -236,8 +235,7 @@ def test_shading_is_neutral_outside_and_bounded():
 
 @pytest.fixture(scope="module")
 def library():
-    settings = replace(SETTINGS, poses=24)
-    return build_library(small_bases(settings), swaying().model, settings)
+    return small_library(poses=60)
 
 
 def test_a_library_keeps_its_proposal(library, proposal, tmp_path, rng):

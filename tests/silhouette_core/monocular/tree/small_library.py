@@ -1,11 +1,15 @@
 """A small library of made-up motion, and how it is put together."""
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.monocular.tree.base_poses import base_poses
-from silhouette_core.monocular.tree.pose_library import LibrarySettings
+from silhouette_core.monocular.tree.build import build_library
+from silhouette_core.monocular.tree.pose_library import LibrarySettings, PoseLibrary
 from silhouette_core.motion.motion import Motion
 
 SETTINGS = LibrarySettings(poses=240, yaw_step_deg=60, mirror=False, tolerance_deg=12.0)
@@ -26,3 +30,10 @@ def swaying(seed: int = 0, frames: int = 200, stature_m: float = 1.75) -> Motion
 
 def small_bases(settings: LibrarySettings = SETTINGS):
     return base_poses({"first": swaying(0), "second": swaying(1)}, settings)
+
+
+@cache
+def small_library(**changed) -> PoseLibrary:
+    """The library of `SETTINGS`, some of them changed; not to be altered."""
+    settings = replace(SETTINGS, **changed)
+    return build_library(small_bases(settings), swaying().model, settings)

@@ -60,9 +60,8 @@ def test_time_grows_with_the_number_of_poses_not_its_square():
         return time.process_time() - start
 
     few, many = (min(seconds(count) for _ in range(4)) for count in (20_000, 80_000))
-    assert (
-        many < 10 * few
-    )  # four times the poses; a pairwise search would take sixteen times as long
+    # Four times the poses; a pairwise search would take sixteen times as long.
+    assert many < 10 * few
 
 
 @pytest.mark.parametrize(

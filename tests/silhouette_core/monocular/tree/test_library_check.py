@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import read_library, write_library
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import small_library
 
 ONE_WRONG = {
     "base_angles": np.nan,
@@ -28,8 +27,7 @@ SETTINGS_WRONG = {"poses": 1e300, "thresholds": (1.0,), "mirror": 2, "weighting"
 
 @pytest.fixture(scope="module")
 def made():
-    settings = replace(SETTINGS, poses=60)
-    return build_library(small_bases(settings), swaying().model, settings)
+    return small_library(poses=60)
 
 
 def refusal(library, path) -> str:

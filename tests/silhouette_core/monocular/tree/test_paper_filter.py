@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.sparse import identity
 
-from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.paper_filter import PaperFilter, initial_prior
 from silhouette_core.monocular.tree.pose_library import nwxor_weights
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
@@ -17,7 +16,7 @@ from silhouette_core.motion.keyposes.notation import STANDING, Movement
 from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.silhouette_core.monocular.filming import camera_at
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import small_library
 from tests.silhouette_core.scoring.backward_backend import BackwardBackend
 
 DISTANCE_M = 264 * 1.75 / 158  # at which the camera's focal length is the window's
@@ -26,8 +25,7 @@ INTERVAL_S = 1 / 30
 
 @pytest.fixture(scope="module")
 def library():
-    settings = replace(SETTINGS, poses=240)
-    return build_library(small_bases(settings), swaying().model, settings)
+    return small_library()
 
 
 @pytest.fixture(scope="module")

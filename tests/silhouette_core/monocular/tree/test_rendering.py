@@ -35,12 +35,9 @@ def scene():
 
 def test_a_body_at_yaw_zero_faces_the_camera_and_turns_counter_clockwise():
     facing, left = np.array([0, -1.0, 0]), np.array([1.0, 0, 0])
-    np.testing.assert_allclose(
-        camera_from_body(0, 0) @ facing, [0, 0, -1], atol=1e-12
-    )  # toward the camera
-    np.testing.assert_allclose(
-        camera_from_body(0, 0) @ left, [1, 0, 0], atol=1e-12
-    )  # its left at the picture's right
+    # Toward the camera, its left at the picture's right.
+    np.testing.assert_allclose(camera_from_body(0, 0) @ facing, [0, 0, -1], atol=1e-12)
+    np.testing.assert_allclose(camera_from_body(0, 0) @ left, [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(camera_from_body(np.pi / 2, 0) @ facing, [1, 0, 0], atol=1e-12)
     # Looking down: what is above comes nearer and stays above.
     np.testing.assert_allclose(
@@ -70,26 +67,21 @@ def test_pictures_are_those_of_a_camera_of_calib(scene):
         expected, _ = render_parts(
             placed, clip.model.faces, clip.model.face_part, matrix, WINDOW_PX, cull_back=True
         )
-        assert (
-            (expected > 0) != (pictures.windows[k] > 0)
-        ).sum() <= 3  # single against double precision
-        rows, columns = np.nonzero(pictures.windows[k])
-        assert (
-            abs(columns.mean() - (width - 1) / 2) <= 0.5
-            and abs(rows.mean() - (height - 1) / 2) <= 0.5
-        )
-        assert (
-            np.bincount(pictures.windows[k].ravel(), minlength=28)[1:28] == pictures.areas[k]
-        ).all()
+        window = pictures.windows[k]
+        # Single against double precision.
+        assert ((expected > 0) != (window > 0)).sum() <= 3
+        rows, columns = np.nonzero(window)
+        assert abs(columns.mean() - (width - 1) / 2) <= 0.5
+        assert abs(rows.mean() - (height - 1) / 2) <= 0.5
+        assert (np.bincount(window.ravel(), minlength=28)[1:28] == pictures.areas[k]).all()
     assert (pictures.cut == 0).all()
 
 
 @pytest.mark.parametrize("stature_m", [1.2, 1.75, 2.1])
 def test_an_upright_body_is_as_tall_as_said(stature_m):
     clip = waving(1, stature_m)
-    upright = pose_surfaces(
-        clip.model, np.array([[1.0, 0, 0, 0]]), np.zeros((1, clip.model.dof_count))
-    )
+    angles = np.zeros((1, clip.model.dof_count))
+    upright = pose_surfaces(clip.model, np.array([[1.0, 0, 0, 0]]), angles)
     picture = render_views(clip.model, upright, np.array([0]), np.zeros((1, 2)))
     rows = np.nonzero(picture.windows[0].any(axis=1))[0]
     assert np.ptp(rows) + 1 == pytest.approx(158, abs=6)  # feet and face are nearer than the pelvis

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.store import is_library, read_library, write_library
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import small_library
 
 
 @pytest.fixture(scope="module")
 def made():
-    settings = replace(SETTINGS, poses=60)
-    return build_library(small_bases(settings), swaying().model, settings)
+    return small_library(poses=60)
 
 
 @pytest.fixture

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.transitions import find_neighbours, transitions
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import small_library
 
 
 @pytest.fixture(scope="module")
 def made():
-    settings = replace(SETTINGS, poses=240, pitches_deg=(0.0, 15.0))
-    return build_library(small_bases(settings), swaying().model, settings)
+    return small_library(pitches_deg=(0.0, 15.0))
 
 
 def dense_squares(library, occlusion_aware):
@@ -56,9 +54,8 @@ def test_the_nearest_are_kept_with_their_weights(made, occlusion_aware):
     matrix = transitions(library, occlusion_aware, sigma_scale=3.0)
     assert matrix.shape == (len(made), len(made)) and matrix.nnz == 12 * len(made)
     np.testing.assert_allclose(np.asarray(matrix.sum(1)).ravel(), 1, rtol=1e-5)
-    assert (
-        matrix.diagonal() >= matrix.max(axis=1).toarray().ravel() - 1e-6
-    ).all()  # staying is most likely
+    # Staying is most likely.
+    assert (matrix.diagonal() >= matrix.max(axis=1).toarray().ravel() - 1e-6).all()
 
 
 def test_without_normalising_the_nearest_weigh_the_same_from_everywhere(made):

@@ -12,12 +12,17 @@ from silhouette_core.monocular.tree.build import build_library
 from silhouette_core.monocular.tree.pose_library import nwxor_weights
 from silhouette_core.monocular.tree.rendering import masks_of, silhouette_levels
 from silhouette_core.monocular.tree.tree import PoseSpace
-from tests.silhouette_core.monocular.tree.small_library import SETTINGS, small_bases, swaying
+from tests.silhouette_core.monocular.tree.small_library import (
+    SETTINGS,
+    small_bases,
+    small_library,
+    swaying,
+)
 
 
 @pytest.fixture(scope="module")
 def made():
-    return build_library(small_bases(), swaying().model, SETTINGS)
+    return small_library()
 
 
 def literal_tree(library):
@@ -97,9 +102,8 @@ def test_the_silhouettes_are_those_of_the_representatives(made):
 
 
 def test_given_thresholds_are_used_and_level_by_level_nodes_are_finer():
-    settings = replace(SETTINGS, poses=120, yaw_step_deg=90, thresholds=(0.06, 0.03, 0.0))
-    settings = replace(settings, weighting="xor")
-    library = build_library(small_bases(settings), swaying().model, settings)
+    thresholds = (0.06, 0.03, 0.0)
+    library = small_library(poses=120, yaw_step_deg=90, thresholds=thresholds, weighting="xor")
     assert [level.threshold for level in library.levels] == [0.06, 0.03, 0.0]
     assert len(library.levels[0]) < len(library.levels[1]) < len(library.levels[2])
     # With no threshold only equal silhouettes share a leaf.
@@ -110,10 +114,10 @@ def test_given_thresholds_are_used_and_level_by_level_nodes_are_finer():
 
 
 def test_as_many_pairs_are_within_the_thresholds_by_any_distance():
-    settings = replace(SETTINGS, poses=120, thresholds=(0.0601, 0.0301, 0.0))
-    library = build_library(small_bases(settings), swaying().model, settings)
+    thresholds = (0.0601, 0.0301, 0.0)
+    library = small_library(poses=60, thresholds=thresholds)
     levels = silhouette_levels(library.render(np.arange(len(library))).windows > 0)
-    for masks, level, by_xor in zip(levels, library.levels, settings.thresholds, strict=True):
+    for masks, level, by_xor in zip(levels, library.levels, thresholds, strict=True):
         within = sum((one ^ masks).mean(axis=(1, 2)) <= by_xor for one in masks).sum()
         weights = [nwxor_weights(one, library.bounds_px).astype(float) for one in masks]
         own = [
@@ -125,7 +129,7 @@ def test_as_many_pairs_are_within_the_thresholds_by_any_distance():
 
 
 def test_threads_and_interruption_make_no_difference(tmp_path):
-    settings = replace(SETTINGS, poses=120)
+    settings = replace(SETTINGS, poses=60)
     bases, model = small_bases(settings), swaying().model
     set_threads(1)
     try:

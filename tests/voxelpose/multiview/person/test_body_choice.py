@@ -67,7 +67,7 @@ def test_somebody_who_crouches_most_of_the_time_is_no_child():
     with filmed(body, [*turns, {}]) as store:
         heights = [hull_height_m(frame) for frame in anchor_frames(store).values()]
         assert np.median(heights) < 0.85 * max(heights)
-        start = choose_body(store, Settings(), MatchSettings(), SilentReporter(), FPS)
+        start = choose_body(store, Settings(sex="female"), MatchSettings(), SilentReporter(), FPS)
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
 
@@ -76,7 +76,7 @@ def test_somebody_who_sits_all_the_time_is_no_child():
     bent = ("thigh.flexion", "shin.flexion")
     seated = {f"{side}_{name}": 90.0 for side in ("left", "right") for name in bent}
     with filmed(other_body(), [seated | {"lumbar.flexion": 10.0 * t} for t in range(2)]) as store:
-        start = choose_body(store, Settings(), MatchSettings(), SilentReporter(), FPS)
+        start = choose_body(store, Settings(sex="female"), MatchSettings(), SilentReporter(), FPS)
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
 
@@ -89,7 +89,7 @@ def test_a_hull_of_an_unusual_height_is_compared_with_an_adult(monkeypatch):
     monkeypatch.setattr(body_choice, "_ROUNDS", 0)
     raised = {f"{side}_upper_arm.abduction": 130.0 for side in ("left", "right")}
     with filmed(other_body(), [raised | {"lumbar.flexion": 10.0 * t} for t in range(2)]) as store:
-        start = choose_body(store, Settings(), MatchSettings(), SilentReporter(), FPS)
+        start = choose_body(store, Settings(sex="female"), MatchSettings(), SilentReporter(), FPS)
     assert stature_of(start.body.model) == pytest.approx(STATURE_M, rel=0.05)
 
 

@@ -42,41 +42,24 @@ def filmed(rig, up, stated=None, floor_m=0.0):
     frame = UprightFrame.from_up(AXES[up], floor_m)
     rotation, origin = MOTION.parts()
     store = MaskStore([camera.size for camera in rig], len(MOTION))
+    mesh = MOTION.model.faces, MOTION.model.face_part
     for t in range(len(MOTION)):
         skin = kinematics.skin(MOTION.model, rotation[t], origin[t])
-        store.put(
-            t,
-            [
-                render_parts(
-                    skin @ camera.rotation.T + camera.translation,
-                    MOTION.model.faces,
-                    MOTION.model.face_part,
-                    camera.matrix,
-                    camera.size,
-                )[0]
-                > 0
-                for camera in rig
-            ],
-        )
+        seen = ((skin @ camera.rotation.T + camera.translation, camera) for camera in rig)
+        store.put(t, [render_parts(s, *mesh, c.matrix, c.size)[0] > 0 for s, c in seen])
+    poses = [(c.rotation @ frame.rotation, c.rotation @ [0, 0, floor_m]) for c in rig]
     world = Rig(
         tuple(
-            replace(
-                camera,
-                rotation=camera.rotation @ frame.rotation,
-                translation=camera.translation - camera.rotation @ [0, 0, floor_m],
-            )
-            for camera in rig
+            replace(camera, rotation=turn, translation=camera.translation - shift)
+            for camera, (turn, shift) in zip(rig, poses, strict=True)
         )
     )
-    reporter = Noting()
-    settings = Settings(1.7, up=stated)
-    chosen = choose_upright(
-        world,
-        settings,
-        store,
-        lambda rig: observer_of(rig, store, PreparationSettings(0.025, 0, "off")),
-        reporter,
-    )
+    reporter, prepared = Noting(), PreparationSettings(0.025, 0, "off")
+
+    def observer(rig):
+        return observer_of(rig, store, prepared)
+
+    chosen = choose_upright(world, Settings(1.7, up=stated), store, observer, reporter)
     store.close()
     return chosen.up, reporter
 
@@ -109,18 +92,16 @@ def test_what_is_stated_holds(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("up", ["-z", "y"])
-def test_a_world_upside_down_is_turned_and_said(up):
-    chosen, reporter = filmed(ring(4, (320, 240)), up, floor_m=0.6)
-    np.testing.assert_array_equal(chosen, AXES[up])
-    assert f"up is {up} of the calibration's world" in reporter.notes[0]
+def test_a_world_on_its_side_is_turned_and_said():
+    chosen, reporter = filmed(ring(4, (320, 240)), "y", floor_m=0.6)
+    np.testing.assert_array_equal(chosen, AXES["y"])
+    assert "up is y of the calibration's world" in reporter.notes[0]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("up", ["z", "-z"])
-def test_where_all_cameras_lie_on_their_side_the_person_decides(up):
+def test_where_all_cameras_lie_on_their_side_the_person_decides():
     """The pictures alone explain both, and some horizontal directions, equally well."""
     sideways = Rig(tuple(on_its_side(camera) for camera in ring(4, (320, 240))))
-    chosen, reporter = filmed(sideways, up)
-    np.testing.assert_array_equal(chosen, AXES[up])
+    chosen, reporter = filmed(sideways, "-z")
+    np.testing.assert_array_equal(chosen, AXES["-z"])
     assert "which way is up" in reporter.stages
