@@ -209,7 +209,7 @@ def test_costs_are_relative_to_the_true_angle(libraries, pictures):
         assert ratio[angle > 60].min() > 1.5
 
 
-@pytest.mark.slow
+@pytest.mark.accuracy
 def test_the_whole_study(tmp_path, monkeypatch):
     monkeypatch.setattr(swing_study, "_OTHER_SEEDS", (101,))
     monkeypatch.setattr(swing_study, "_OTHER_SWINGS", 1)
