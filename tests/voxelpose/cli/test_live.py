@@ -60,31 +60,54 @@ def wait_until(true, process: subprocess.Popen, seconds: float = 120.0) -> None:
 
 
 @pytest.mark.slow
-def test_motion_is_sent_and_recorded_until_the_interrupt(studio, tmp_path):
-    receiver = Receiver()
+def test_motion_is_sent_shown_and_recorded_until_the_interrupt(studio, tmp_path):
+    take, receiver = tmp_path / "take", Receiver()
     # Slowly, so that a busy machine keeps up.
-    options = ("--loop", "--no-page", "--stature", 1.7, "--fps", FPS, "--record", tmp_path / "take")
-    absent = "ws://127.0.0.1:9/nobody"
-    with living(studio, *options, "--send", receiver.address, "--send", absent) as process:
+    options = ("--loop", "--no-browser", "--stature", 1.7, "--fps", FPS, "--port", 8431)
+    recording = ("--record", take, "--no-record-now", "--countdown", 600)
+    sending = ("--send", receiver.address, "--send", "ws://127.0.0.1:9/nobody")
+    words = (studio, *options, *recording, *sending)
+    with new_page(1000, 520) as (browser, faults), living(*words) as process:
+        url = ""
+        while not url:
+            line = process.stderr.readline()  # type: ignore[union-attr]
+            assert line, "the session ended"
+            url = line.split()[1] if line.startswith("page: ") else ""
+        browser.goto(url)
+        assert browser.title() == f"{studio.name} – voxelpose live"
+        browser.get_by_text("following", exact=True).first.wait_for(timeout=90_000)
+        first = canvas_picture(browser)
+        # The figure moves.
+        wait_until(lambda: np.abs(canvas_picture(browser) - first).max() > 40, process)
         wait_until(lambda: len(posed(receiver)) > 15, process)
+        check_motion(posed(receiver))
+        for button, text in (
+            ("Stop", "stopped"),
+            ("Start", "following"),
+            ("Record", "● recording"),
+            ("End recording", "frames recorded"),
+            ("Background", "step out of the picture"),
+        ):
+            browser.get_by_role("button", name=button, exact=True).click()
+            browser.get_by_text(text).first.wait_for(timeout=60_000)
         process.send_signal(signal.SIGINT)
         said, progress = process.communicate(timeout=60)
-    assert process.returncode == 0, progress
-    assert "frames estimated" in said
-    assert "estimation" in said
-    assert "following" in progress
+        assert process.returncode == 0, progress
+        assert "frames estimated" in said and "estimation" in said and "following" in progress
+        assert faults == []
     receiver.close()
-    # A wave of half a metre is followed to a hand's breadth.
-    errors = []
-    truth = MOTION.landmarks()
-    for message in posed(receiver)[3:]:
+    recorded = Recording.open(take)
+    assert len(list(recorded)) == recorded.frame_count > 0
+
+
+def check_motion(messages: list[dict]) -> None:
+    """A wave of half a metre is followed to a hand's breadth."""
+    errors, truth = [], MOTION.landmarks()
+    for message in messages[3:]:
         row = round(message["time_s"] * FPS) % len(MOTION)
         joints = np.array([joint["position_m"] for joint in message["body"]["joints"].values()])
         errors.append(np.linalg.norm(joints - truth[row], axis=1).mean())
     assert np.median(errors) < 0.06
-    recording = Recording.open(tmp_path / "take")
-    assert recording.frame_count > 15
-    assert len(list(recording)) == recording.frame_count
 
 
 @pytest.mark.slow
@@ -99,39 +122,6 @@ def test_sigterm_ends_it_at_any_moment(studio, tmp_path, after_s):
     assert "Traceback" not in progress
     if take.exists() and any((take / "cam_1").iterdir()):
         Recording.open(take)
-
-
-@pytest.mark.slow
-def test_the_page_shows_a_played_file_and_its_buttons_work(studio, tmp_path):
-    take = tmp_path / "take"
-    recording = ("--record", take, "--no-record-now", "--countdown", 600)
-    options = ("--loop", "--no-browser", "--stature", 1.7, "--fps", FPS, "--port", 8431)
-    with new_page(1000, 520) as (browser, faults), living(studio, *options, *recording) as process:
-        url = ""
-        while not url:
-            line = process.stderr.readline()  # type: ignore[union-attr]
-            assert line, "the session ended"
-            url = line.split()[1] if line.startswith("page: ") else ""
-        browser.goto(url)
-        assert browser.title() == f"{studio.name} – voxelpose live"
-        browser.get_by_text("following", exact=True).first.wait_for(timeout=90_000)
-        first = canvas_picture(browser)
-        # The figure moves.
-        wait_until(lambda: np.abs(canvas_picture(browser) - first).max() > 40, process)
-        for button, text in (
-            ("Stop", "stopped"),
-            ("Start", "following"),
-            ("Record", "● recording"),
-            ("End recording", "frames recorded"),
-            ("Background", "step out of the picture"),
-        ):
-            browser.get_by_role("button", name=button, exact=True).click()
-            browser.get_by_text(text).first.wait_for(timeout=60_000)
-        assert Recording.open(take).frame_count > 0
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
-        assert process.returncode == 0
-        assert faults == []
 
 
 @pytest.mark.slow

@@ -196,23 +196,6 @@ def asks(page) -> bool:
 
 
 @pytest.mark.slow
-def test_the_keyboard_reaches_every_camera(recorded):
-    with served(recorded) as server, new_page() as (page, faults):
-        page.goto(server.url)
-        page.locator(".tile").nth(2).wait_for()
-        for key, camera in (("Enter", "cam_2"), ("Space", "cam_3")):
-            for _ in range(100):  # from wherever the focus is
-                page.keyboard.press("Tab")
-                if page.evaluate("document.activeElement.ariaLabel") == f"Enlarge {camera}":
-                    break
-            page.keyboard.press(key)
-            page.locator(f'.tile.large[data-camera="{camera}"]').wait_for(timeout=5000)
-            page.keyboard.press("Escape")
-            assert page.locator(".tile.large").count() == 0
-        assert faults == []
-
-
-@pytest.mark.slow
 def test_unsaved_work_is_asked_about_and_survives_the_end_of_the_program(tmp_path):
     walk = staged(tmp_path / "walk", 2)
     with new_page(620, 700) as (page, faults):
@@ -258,9 +241,19 @@ def test_a_second_page_is_told_before_it_overwrites(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_check_is_shown_without_blocking_the_page(recorded):
+def test_the_keyboard_reaches_every_camera_and_a_check_does_not_block_the_page(recorded):
     with served(recorded) as server, new_page() as (page, faults):
         page.goto(server.url)
+        page.locator(".tile").nth(2).wait_for()
+        for key, camera in (("Enter", "cam_2"), ("Space", "cam_3")):
+            for _ in range(100):  # from wherever the focus is
+                page.keyboard.press("Tab")
+                if page.evaluate("document.activeElement.ariaLabel") == f"Enlarge {camera}":
+                    break
+            page.keyboard.press(key)
+            page.locator(f'.tile.large[data-camera="{camera}"]').wait_for(timeout=5000)
+            page.keyboard.press("Escape")
+            assert page.locator(".tile.large").count() == 0
         page.locator('[data-tool="check"]').click()
         page.locator("#start_check").click()
         page.locator("#forward").click()  # goes on meanwhile
