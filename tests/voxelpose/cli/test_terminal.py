@@ -97,7 +97,7 @@ def walk(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_fit_that_is_ended_leaves_nothing_after_the_next(desk, walk, number):
     shutil.copytree(walk, desk / "walk")
     words = ["fit", "walk", "--out", "out", "--estimator", "standing"]

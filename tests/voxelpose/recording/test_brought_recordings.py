@@ -13,17 +13,20 @@ from voxelpose.recording.folder import Recording
 from voxelpose.reliability import verdict_of
 
 
-@pytest.fixture
-def made(shared: Path, tmp_path: Path):
-    """Runs a shared script and returns the folder that it made, or skips."""
+@pytest.fixture(scope="module")
+def made(shared: Path, tmp_path_factory: pytest.TempPathFactory):
+    """Runs a shared script, once, and returns a folder that it made, or skips."""
+    folders: dict[str, Path] = {}
 
     def make(script: str, name: str) -> Path:
         file = shared / "cases" / "scripts" / script / "make.py"
         if not file.exists():
             pytest.skip(f"no shared script {script}")
-        places = {"OUT": str(tmp_path), "VOXELPOSE_SHARED": str(shared)}
-        subprocess.run([sys.executable, str(file)], env=os.environ | places, check=True)
-        return tmp_path / name
+        if script not in folders:
+            folders[script] = tmp_path_factory.mktemp(script)
+            places = {"OUT": str(folders[script]), "VOXELPOSE_SHARED": str(shared)}
+            subprocess.run([sys.executable, str(file)], env=os.environ | places, check=True)
+        return folders[script] / name
 
     return make
 
