@@ -8,6 +8,7 @@ import numpy as np
 from safetensors import safe_open
 
 from calib.errors import InputError
+from silhouette_core.body.joint_centres import read_joint_centres
 from silhouette_core.body.joints import HUMAN
 from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.shape import ShapeSpace, vertex_normals
@@ -168,6 +169,16 @@ class BodyModel:
         return len(self.tree.dofs)
 
     @cached_property
+    def joint_centres_m(self) -> np.ndarray:
+        """Joints of joints.csv (L, 3) float64 at rest: the landmarks, of a person moved to where
+        those of people of this shape lie.
+        """
+        if self.person is None:
+            return self.landmarks_m
+        centres = read_joint_centres(template_name(self.sizes.sex))
+        return self.landmarks_m + self.sizes.stature_m * centres.offsets(self.shape)
+
+    @cached_property
     def vertex_normals(self) -> np.ndarray:
         """Outward unit normals (V, 3) float64 of the vertices, weighted by area."""
         return vertex_normals(self.vertices_m, self.faces)
@@ -188,12 +199,16 @@ class BodyModel:
         return np.bincount(part, minlength=len(self.names)) * spacing_m**3
 
 
+def template_name(sex: str) -> str:
+    """Name of the template of a sex, the man's for an unknown one."""
+    return "woman" if sex == "female" else "man"
+
+
 def read_template(sex: str) -> BodyModel:
     """Template body of a sex, the man's for an unknown one. Raises InputError where its file is
     missing from the installation.
     """
-    name = "woman" if sex == "female" else "man"
-    path = Path(__file__).with_name(f"{name}.safetensors")
+    path = Path(__file__).with_name(f"{template_name(sex)}.safetensors")
     try:
         with safe_open(str(path), framework="numpy") as file:
             data = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)

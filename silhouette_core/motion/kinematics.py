@@ -112,8 +112,21 @@ def landmarks(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarr
     """World positions (T, L, 3) of the landmarks, m, in the order of the body's tree: of a person
     `joints.LANDMARK_NAMES`.
     """
+    return _carried(model, model.landmarks_m, part_rotation, part_origin)
+
+
+def joint_centres(
+    model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray
+) -> np.ndarray:
+    """As `landmarks`, of the joint centres that are reported."""
+    return _carried(model, model.joint_centres_m, part_rotation, part_origin)
+
+
+def _carried(
+    model: BodyModel, points: np.ndarray, part_rotation: np.ndarray, part_origin: np.ndarray
+) -> np.ndarray:
     part = model.tree.landmark_part
-    local = model.landmarks_m - model.joints_m[part]
+    local = points - model.joints_m[part]
     return part_origin[:, part] + np.einsum("tlij,lj->tli", part_rotation[:, part], local)
 
 

@@ -107,7 +107,7 @@ class Motion:
         """
         from silhouette_core.motion import kinematics
 
-        return kinematics.landmarks(self.model, *self.parts())
+        return kinematics.joint_centres(self.model, *self.parts())
 
     def standing_at(self, landmarks_m: FloatArray) -> Motion:
         """The same poses, moved to where the landmarks are on average nearest to given ones

@@ -65,7 +65,7 @@ def make_template(
     return arrays, about
 
 
-def _sort_header(file: Path) -> None:
+def sort_header(file: Path) -> None:
     """Sorts the header, whose order is otherwise random, so that equal bodies give equal files."""
     data = file.read_bytes()
     end = 8 + int.from_bytes(data[:8], "little")
@@ -94,7 +94,7 @@ def make_templates() -> None:
         save_file(
             {name: np.ascontiguousarray(array) for name, array in arrays.items()}, file, about
         )
-        _sort_header(file)
+        sort_header(file)
         file.chmod(0o644)
 
 

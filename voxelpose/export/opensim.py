@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.motion.anatomical import LAB_FROM_WORLD, continuous_degrees, joint_rotations
 from silhouette_core.motion.conditioning import conditioning_words
+from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.trc import write_trc
 
@@ -86,7 +87,7 @@ def mot_coordinates(motion: Motion) -> dict[str, NDArray[np.float64]]:
     rotations = joint_rotations(motion)
     names = ("pelvis_tilt", "pelvis_list", "pelvis_rotation")
     columns = dict(zip(names, continuous_degrees(rotations["pelvis"]).T, strict=True))
-    hips = motion.landmarks()[:, _HIPS].mean(axis=1) @ LAB_FROM_WORLD.T
+    hips = landmarks(motion.model, *motion.parts())[:, _HIPS].mean(axis=1) @ LAB_FROM_WORLD.T
     # Midpoint of the hips in the pelvis frame of Rajagopal's model, of a person 1.70 m tall.
     hips_in_pelvis_m = np.array([-0.056276, -0.07849, 0.0])
     offset = hips_in_pelvis_m * stature_m / 1.70

@@ -38,10 +38,10 @@ def named_points(motion: Motion) -> tuple[tuple[str, ...], NDArray[np.float64]]:
     """
     model = motion.model
     names: list[str] = list(model.tree.landmark_names)
-    parts, rest = list(model.tree.landmark_part), list(model.landmarks_m)
+    parts, rest = list(model.tree.landmark_part), list(model.joint_centres_m)
     at_joint = {
         part
-        for part, point in zip(parts, rest, strict=True)
+        for part, point in zip(parts, model.landmarks_m, strict=True)
         if np.allclose(point, model.joints_m[part])
     }
     for part, name in enumerate(model.names):

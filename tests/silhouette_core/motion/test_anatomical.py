@@ -13,6 +13,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import SHAPE_SIGMA, BodySizes
 from silhouette_core.motion.anatomical import anatomical_angles, joint_rotations, segment_axes
+from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.motion.motion import Motion
 from tests.clips import waving
 
@@ -205,7 +206,7 @@ def test_angles_make_the_rotations_again(seed):
         np.testing.assert_allclose(again, rotations[f"{side}_shoulder"][0], atol=1e-9)
         assert elevation >= 0
     # the bones themselves: the angle at the knee between thigh and shin
-    joints = motion.landmarks()[0]
+    joints = landmarks(motion.model, *motion.parts())[0]
     thigh, shin = joints[4] - joints[5], joints[5] - joints[6]
     between = np.degrees(np.arccos(thigh @ shin / np.linalg.norm(thigh) / np.linalg.norm(shin)))
     knee = Rotation.from_euler(

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.motion.kinematics import skin
+from silhouette_core.motion.kinematics import landmarks, skin
 from silhouette_core.motion.mocap import load_motions, read_clip, retarget
 from silhouette_core.motion.motion import Motion
 from tests.clips import waving
@@ -143,7 +143,7 @@ def test_agrees_with_another_program_that_retargeted_the_same_clip(
         [shared / "data/mocap" / clip], BodyModel.from_sizes(BodySizes(truth["stature"]))
     )
     motion = motion.select(slice(first_frame, first_frame + len(wanted)))
-    result = motion.landmarks()
+    result = landmarks(motion.model, *motion.parts())
     relative = (result - result[:, :1]) - (wanted - wanted[:, :1])
     assert 1e3 * np.linalg.norm(relative, axis=-1).mean() < joints_mm
     hips = lambda places: np.unwrap(np.arctan2(*(places[:, 1] - places[:, 4])[:, 1::-1].T))  # noqa: E731

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.motion.motion import Motion
 from tests.clips import turning, waving
 from voxelpose.export.opensim import write_mot
@@ -107,9 +108,8 @@ def test_trc_marks_lost_frames(tmp_path):
 def test_mot_puts_the_bones_where_they_are(tmp_path, motion):
     write_mot(motion, tmp_path / "motion.mot")
     columns = read_mot(tmp_path / "motion.mot")
-    joints = dict(
-        zip(LANDMARK_NAMES, np.moveaxis(motion.landmarks()[..., [1, 2, 0]], 1, 0), strict=True)
-    )
+    skeleton = landmarks(motion.model, *motion.parts())[..., [1, 2, 0]]
+    joints = dict(zip(LANDMARK_NAMES, np.moveaxis(skeleton, 1, 0), strict=True))
     rest = dict(zip(LANDMARK_NAMES, motion.model.landmarks_m, strict=True))
     length = lambda a, b: np.linalg.norm(rest[a] - rest[b])  # noqa: E731
     pelvis = turned(columns, "pelvis_tilt", "pelvis_list", "pelvis_rotation")

@@ -127,7 +127,7 @@ def test_the_files_and_times_are_those_beside_them(folder):
 
 def test_the_static_pose_stands_upright_and_faces_ahead(folder):
     joints = read_trc(folder / "opensim_static.trc")  # in the world: OpenSim's x is y
-    rest = BodyModel.from_sizes(BodySizes(1.7)).landmarks_m * (-1, -1, 1)
+    rest = BodyModel.from_sizes(BodySizes(1.7)).joint_centres_m * (-1, -1, 1)
     np.testing.assert_allclose(joints, np.broadcast_to(rest, joints.shape), atol=1e-6)
 
 
