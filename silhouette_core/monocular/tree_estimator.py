@@ -38,7 +38,7 @@ from silhouette_core.monocular.window import look_at
 from silhouette_core.motion.body_source import load_body
 from silhouette_core.motion.conditioning import conditioned
 from silhouette_core.motion.keyposes import keypose_motions
-from silhouette_core.motion.kinematics import joints_of, quaternions
+from silhouette_core.motion.kinematics import centres_of, quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, StageClock
@@ -171,7 +171,7 @@ class TreeFollower:
         poses = posterior.poses(slice(_HYPOTHESES)).poses()
         model, likeliest = self._library.model, poses[:1]
         (error,) = mask_errors(model, likeliest, self._views, [mask], self._backend).tolist()
-        return poses[0], error, probability / probability.sum(), joints_of(model, poses)
+        return poses[0], error, probability / probability.sum(), centres_of(model, poses)
 
 
 def library_of(

@@ -147,6 +147,11 @@ def skin(model: BodyModel, part_rotation: np.ndarray, part_origin: np.ndarray) -
     return posed
 
 
+def centres_of(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
+    """Joint centres (K, L, 3) float64 of K poses in the world, m."""
+    return joint_centres(model, *place(model, *PoseArrays.from_poses(poses).arrays))
+
+
 def joints_of(model: BodyModel, poses: Sequence[Pose]) -> np.ndarray:
     """Joints (K, L, 3) float64 of K poses in the world, m."""
     if not poses:

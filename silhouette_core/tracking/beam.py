@@ -74,15 +74,15 @@ class Beam:
             },
         )
 
-    def probabilities(self, temperature: float) -> tuple[FloatArray, FloatArray]:
-        """Probabilities (K,) of the hypotheses, likeliest first, and their joints (K, 15, 3).
+    def probabilities(self, temperature: float) -> tuple[FloatArray, list[Pose]]:
+        """Probabilities (K,) of the hypotheses, likeliest first, and their poses.
 
         Costs are divided by the temperature: those of many pixels, joints and frames are not
         independent.
         """
         order = np.argsort(self.cost, kind="stable")
         odds = np.exp(-(self.cost[order] - self.cost[order[0]]) / temperature)
-        return odds / odds.sum(), self.joints[order]
+        return odds / odds.sum(), [self.poses[k] for k in order]
 
     @property
     def best(self) -> int:

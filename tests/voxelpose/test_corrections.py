@@ -12,6 +12,7 @@ from calib.errors import InputError
 from silhouette_core.body.joints import EXCHANGED_LANDMARKS
 from silhouette_core.motion.conditioning import Conditioning, conditioned
 from silhouette_core.motion.heading import turned_half_round
+from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.clips import walking, waving, waving_couple
 from tests.sources import ring, write_staged
@@ -29,10 +30,10 @@ def test_half_a_turn_puts_every_joint_where_that_of_the_other_side_was():
     motion = walking(8)
     rows = np.arange(8) >= 3
     turned = turned_half_round(motion, rows)
-    before, after = motion.landmarks(), turned.landmarks()
+    before, after = (landmarks(each.model, *each.parts()) for each in (motion, turned))
     assert np.array_equal(after[:3], before[:3])
     far_m = np.linalg.norm(after[3:] - before[3:, EXCHANGED_LANDMARKS], axis=2)
-    assert far_m.max() < 0.09 < np.linalg.norm(after[3:] - before[3:], axis=2).max()
+    assert far_m.max() < 0.092 < np.linalg.norm(after[3:] - before[3:], axis=2).max()
     low, high = motion.model.tree.dof_limits_rad.T
     bent = turned_half_round(waving(8), rows)
     assert ((low <= bent.angles_rad[3:]) & (bent.angles_rad[3:] <= high)).all()

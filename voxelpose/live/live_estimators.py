@@ -22,7 +22,7 @@ from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.person_finder import LONG_SIDE_PX, PersonFinder
 from silhouette_core.monocular.tree_estimator import TreeFollower, TreeOptions, library_of
 from silhouette_core.motion.dynamics import FPS
-from silhouette_core.motion.kinematics import joint_centres, place
+from silhouette_core.motion.kinematics import centres_of, place
 from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, SilentReporter, StageClock
 from silhouette_core.refinement.observation import PinholeViews
@@ -286,7 +286,7 @@ def posed_body(
     relative to the pose's, 0 to 1, the rest as of `PosedBody`.
     """
     (rotation, *_), (origin, *_) = place(model, *PoseArrays.from_poses([pose]).arrays)
-    joints_m = joint_centres(model, rotation[None], origin[None])[0]
+    (joints_m,) = centres_of(model, [pose])
     each = confidence * visibility
     return PosedBody(model, pose, rotation, origin, joints_m, each, confidence, hypotheses, hull_m)
 

@@ -16,6 +16,7 @@ from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.hypothesis_tracker import HypothesisTracker
 from silhouette_core.monocular.tracking.observed_frame import FrameProposal, ObservedFrame, Proposer
 from silhouette_core.monocular.tuning import DISTANCES
+from silhouette_core.motion.kinematics import centres_of
 from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import StageClock
 from silhouette_core.scoring.silhouette_error import mask_errors
@@ -190,7 +191,7 @@ class PoseTrajectory:
         lost = best > DISTANCES.lost_factor * usual + DISTANCES.lost_excess
         if not lost:
             self._usual.append(best)
-        probability, joints = beam.probabilities(tracker.settings.temperature)
+        probability, poses = beam.probabilities(tracker.settings.temperature)
         return FrameEstimate(
             frame.number,
             frame.time_s,
@@ -200,7 +201,7 @@ class PoseTrajectory:
             frame.person.cut,
             lost,
             probability,
-            joints,
+            centres_of(tracker.model, poses),
         )
 
 

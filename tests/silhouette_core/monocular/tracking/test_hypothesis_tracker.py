@@ -231,9 +231,9 @@ def test_kept_hypotheses_know_what_they_hide(followed):
 
 def test_probabilities_follow_the_costs(followed):
     _, states, _ = followed
-    probability, joints = states[-1].probabilities(TrackerSettings().temperature)
+    probability, poses = states[-1].probabilities(TrackerSettings().temperature)
     assert probability.sum() == pytest.approx(1) and (np.diff(probability) <= 0).all()
-    assert joints[0] == pytest.approx(states[-1].joints[states[-1].best])
+    assert poses[0] is states[-1].poses[states[-1].best]
 
 
 def test_the_terms_are_costs_of_every_frame(walker):
