@@ -161,7 +161,7 @@ def learn(shapes: FloatArray, offsets: FloatArray) -> JointCentres:
     weights = np.linalg.solve(
         kernel + NOISE * np.eye(len(shapes)), offsets.reshape(len(shapes), -1)
     )
-    return JointCentres(shapes, weights.reshape(offsets.shape), WIDTH)
+    return JointCentres(shapes, weights.reshape(offsets.shape).astype(float), WIDTH)
 
 
 def main() -> None:
