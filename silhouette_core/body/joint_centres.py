@@ -49,8 +49,7 @@ class JointCentres:
 def read_joint_centres(template: str) -> JointCentres:
     """The joint centres of a template, "man" or "woman"."""
     with safe_open(str(FILE), framework="numpy") as file:
-        arrays = [file.get_tensor(f"{template}_{name}").astype(float) for name in _ARRAYS]
-        return JointCentres(*arrays, float(file.metadata()[f"{template}_width"]))
-
-
-_ARRAYS = "shapes", "weights"
+        shapes, weights = (
+            file.get_tensor(f"{template}_{name}").astype(float) for name in ("shapes", "weights")
+        )
+        return JointCentres(shapes, weights, float(file.metadata()[f"{template}_width"]))
