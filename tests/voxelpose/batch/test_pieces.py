@@ -92,7 +92,7 @@ def test_only_long_recordings_are_divided(tmp_path):
 def test_a_recording_in_pieces_is_one_result_with_one_body(tmp_path):
     actor = waving(10, 1.72, 6.25)
     write_staged(tmp_path / "in" / "walk", actor, ring(4, (200, 160)))
-    jobs = jobs_of([tmp_path / "in"], "fit", {"stature": 1.72})
+    jobs = jobs_of([tmp_path / "in"], "fit", {"stature": 1.72, "sex": "male"})
     settings = BatchSettings(tmp_path / "out", 2, pictures=False, report=False, piece_s=0.8)
     told = []
     (outcome,) = run_batch(jobs, settings, lambda o, n: told.append((o.job.name, n)))
