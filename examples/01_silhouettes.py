@@ -17,7 +17,7 @@ recording = Recording.open(recording_folder(out))
 silhouettes = Silhouettes(recording)
 
 # Images by camera name, (H, W, 3) uint8. Iterating yields all frames, at() those of given steps.
-frames = next(recording.at([6]))
+frames = next(recording.at([2]))
 masks = silhouettes.of(frames)  # (H, W) bool by camera name
 
 rows = []

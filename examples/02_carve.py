@@ -15,7 +15,7 @@ out = out_folder()
 hull = carve_recording(
     recording_folder(out),
     out / "hull.ply",
-    CarveSettings(frame=6, voxel_size_m=0.015),
+    CarveSettings(frame=2, voxel_size_m=0.015),
     overwrite=True,
 )
 print(

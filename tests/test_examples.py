@@ -28,12 +28,12 @@ EXAMPLES = sorted(path.stem for path in FOLDER.glob("0*.py"))
 def ran(tmp_path_factory):
     """Runs the six examples in their order on a short recording; returns where they wrote."""
     out = tmp_path_factory.mktemp("examples")
-    make_recording(out / "recording", 7)
+    make_recording(out / "recording", 3)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(FOLDER))
         motions = importlib.import_module("bodies.example_motions")
         film = motions.film_example
-        patch.setattr(motions, "film_example", lambda folder, name, _: film(folder, name, 4))
+        patch.setattr(motions, "film_example", lambda folder, name, _: film(folder, name, 3))
         for name in EXAMPLES:
             patch.setattr(sys, "argv", [name, str(out)])
             runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
@@ -58,7 +58,7 @@ def test_the_results_are_good(ran):
     assert several.root_mm < 40  # the mannequin has longer legs than people
     assert one.lost == 0
     assert one.root_mm < 150
-    assert_found(ran / "robot_arm", ran / "robot_arm_fit", 4, 2.0, 10.0)
+    assert_found(ran / "robot_arm", ran / "robot_arm_fit", 3, 2.0, 10.0)
 
 
 def test_the_notebook_holds_no_outputs():
