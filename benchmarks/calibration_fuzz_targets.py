@@ -39,49 +39,49 @@ _METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-def write_vicon(folder: Path) -> None:
+def write_vicon(path: Path) -> None:
     """Writes a rig of a marker camera and a video camera."""
-    (folder / "rig.xcp").write_text(_XCP)
+    path.write_text(_XCP)
 
 
-def write_theia(folder: Path) -> None:
+def write_theia(path: Path) -> None:
     """Writes one camera as Theia3D does."""
-    (folder / "rig.txt").write_text(_THEIA)
+    path.write_text(_THEIA)
 
 
-def write_metashape(folder: Path) -> None:
+def write_metashape(path: Path) -> None:
     """Writes a chunk with a transform of its own."""
-    (folder / "rig.xml").write_text(_METASHAPE)
+    path.write_text(_METASHAPE)
 
 
-def write_colmap(folder: Path) -> None:
+def write_colmap(path: Path) -> None:
     """Writes a text model of two pictures."""
-    (folder / "model").mkdir()
+    path.mkdir()
     lenses = "1 OPENCV 320 240 300 301 160 120 -0.1 0.01 0.001 0\n2 OPENCV_FISHEYE 320 240"
-    (folder / "model" / "cameras.txt").write_text(f"# cameras\n{lenses} 300 301 160 120 0 0 0 0\n")
+    (path / "cameras.txt").write_text(f"# cameras\n{lenses} 300 301 160 120 0 0 0 0\n")
     poses = "1 0.7 0.7 0 0 0 1 3 1 cam_0.png\n1 2 -1\n2 0.5 0.5 0.5 0.5 0 1 4 2 cam_1.png\n\n"
-    (folder / "model" / "images.txt").write_text(f"# images\n{poses}")
+    (path / "images.txt").write_text(f"# images\n{poses}")
 
 
-def write_nerfstudio(folder: Path) -> None:
+def write_nerfstudio(path: Path) -> None:
     """Writes two frames, one with a lens of its own."""
     lens = {"fl_x": 300, "fl_y": 301, "cx": 160, "cy": 120, "w": 320, "h": 240, "k1": -0.1}
     frames = [{"file_path": f"a/{name}.png", "transform_matrix": _POSE} for name in ("one", "two")]
     frames[1] |= {"fl_x": 310, "camera_model": "OPENCV_FISHEYE"}
     content = {"camera_model": "OPENCV", **lens, "frames": frames}
-    (folder / "rig.json").write_text(json.dumps(content))
+    path.write_text(json.dumps(content))
 
 
-def write_kinect(folder: Path) -> None:
+def write_kinect(path: Path) -> None:
     """Writes the colour camera of a device."""
     numbers = [0.5, 0.5, 0.5, 0.65, 0.3, -2, 1.4, 0.2, -2, 1.3, 0, 0, 0.001, -0.001]
     lens = {"ModelParameters": numbers, "ModelType": "CALIBRATION_LensDistortionModelBrownConrady"}
     camera = {"Purpose": "CALIBRATION_CameraPurposePhotoVideo", "Intrinsics": lens}
     content = {"CalibrationInformation": {"Cameras": [camera]}}
-    (folder / "rig.json").write_text(json.dumps(content))
+    path.write_text(json.dumps(content))
 
 
-def write_dannce(folder: Path) -> None:
+def write_dannce(path: Path) -> None:
     """Writes two cameras as MATLAB does."""
     camera = {
         "K": np.array([[300, 0, 161], [0, 301, 121], [0, 0, 1.0]]).T,
@@ -92,10 +92,10 @@ def write_dannce(folder: Path) -> None:
     }
     params, names = np.empty((2, 1), object), np.empty((1, 2), object)
     params[:, 0], names[0] = [camera, camera], ["Camera1", "Camera2"]
-    savemat(folder / "rig.mat", {"params": params, "camnames": names})
+    savemat(path, {"params": params, "camnames": names})
 
 
-def write_opencap(folder: Path) -> None:
+def write_opencap(path: Path) -> None:
     """Writes two cameras by name."""
     camera = {
         "intrinsicMat": [[300, 0, 160], [0, 301, 120], [0, 0, 1]],
@@ -104,4 +104,4 @@ def write_opencap(folder: Path) -> None:
         "rotation": [row[:3] for row in _POSE[:3]],
         "translation": [[500], [-3000], [1200]],
     }
-    (folder / "rig.json").write_text(json.dumps({"Cam0": camera, "Cam1": camera}))
+    path.write_text(json.dumps({"Cam0": camera, "Cam1": camera}))

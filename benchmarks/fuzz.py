@@ -29,7 +29,7 @@ from pathlib import Path
 from random import Random
 
 from benchmarks.fuzz_targets import TARGETS, FuzzTarget
-from benchmarks.mutations import mutated
+from benchmarks.mutations import mutated, mutation_of
 from calib.errors import InputError
 
 LIMIT_S = 2.0
@@ -86,8 +86,8 @@ class Bench:
         """
         self.name, self.folder, self.seed = name, folder, seed
         self.target: FuzzTarget = TARGETS[name]
-        self.target.make(folder)
-        self._valid = {path: (folder / path).read_bytes() for path in self.target.mutations}
+        self.target.make(folder / self.target.opened)
+        self._valid = {path: (folder / path).read_bytes() for path in self.target.files}
         # A message may call a file by its own name, or its folder's.
         parts = [Path(path).parts for path in self._valid]
         self._names = {part for own in parts for part in (own[0], own[-1])}
@@ -97,9 +97,9 @@ class Bench:
     def write(self, number: int) -> str:
         """Writes a mutated file among the valid ones; returns its path in the folder."""
         rng = Random(f"{self.seed} {self.name} {number}")
-        chosen = rng.choice(sorted(self.target.mutations))
+        chosen = rng.choice(sorted(self._valid))
         for path, content in self._valid.items():
-            new = mutated(content, self.target.mutations[path], rng) if path == chosen else content
+            new = mutated(content, mutation_of(path), rng) if path == chosen else content
             (self.folder / path).write_bytes(new)
         return chosen
 

@@ -1,8 +1,8 @@
 """Files of every format that the project reads, small and valid, and what is done with each.
 
-A target makes its files in an empty folder with the project's own writers, and is then run on that
-folder after one of the files was mutated: it reads the file and works with what was read, as the
-commands do. Thorough runs, one in a hundred, are the commands themselves.
+A target makes its files in an empty folder with the project's own writers. After one of them was
+mutated it reads it and works with what was read, as the commands do. Thorough runs, one in a
+hundred, are the commands themselves.
 """
 
 import contextlib
@@ -21,15 +21,6 @@ from PIL import Image
 from benchmarks import calibration_fuzz_targets as calibrations
 from benchmarks import library_fuzz_targets as libraries
 from benchmarks import rig_fuzz_targets as rigs
-from benchmarks.mutations import (
-    Mutation,
-    any_arrays,
-    any_bytes,
-    any_json,
-    any_library,
-    any_table,
-    any_text,
-)
 from benchmarks.scene import ring, silhouettes
 from calib.camera import Rig
 from calib.errors import InputError
@@ -45,24 +36,35 @@ from silhouette_core.motion.keyposes.perform import perform
 from silhouette_core.motion.motion import Motion
 
 _FRAMES = 12
+_REPORT = "report {path} --overwrite"
+_CONVERT = "calibrate convert {path} {folder}/out.toml --overwrite"
 
 
 @dataclass(frozen=True)
 class FuzzTarget:
-    """A reader and what stands behind it.
+    """A reader and what stands behind it."""
 
-    Attributes:
-        make: writes the files into an empty folder.
-        mutations: how each mutated file is mutated, by its path in the folder.
-        run: reads the folder and works with it; whether thoroughly.
-    """
+    opened: str  #: the file or folder that is read, by its path in an empty folder.
+    make: Callable[[Path], object]  #: writes it, and what lies beside it.
+    use: Callable[[Path], object]  #: reads it and works with it.
+    mutated: tuple[str, ...] = ()  #: the files that are mutated; none: what is opened.
+    command: str = ""  #: a thorough run, with {path} and {folder}; "": as any other.
 
-    make: Callable[[Path], None]
-    mutations: dict[str, Mutation]
-    run: Callable[[Path, bool], None]
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files that are mutated."""
+        return self.mutated or (self.opened,)
+
+    def run(self, folder: Path, thorough: bool) -> None:
+        """Reads what was made in a folder. InputError or RuntimeError as of `run_command`."""
+        path = folder / self.opened
+        if thorough and self.command:
+            run_command(*self.command.format(path=path, folder=folder).split())
+        else:
+            self.use(path)
 
 
-def command(*words: str | Path) -> None:
+def run_command(*words: str) -> None:
     """Runs a command in this process.
 
     Raises:
@@ -76,7 +78,7 @@ def command(*words: str | Path) -> None:
         contextlib.redirect_stderr(io.StringIO()) as said,
     ):
         try:
-            code = run([str(word) for word in words])
+            code = run(words)
         except SystemExit as ended:
             code = ended.code
     if code == 2:
@@ -114,21 +116,16 @@ def _motion() -> Motion:
     return replace(motion, fps=25.0, frames=frames, time_s=frames / 25, quality=quality)
 
 
-def _make_rig(folder: Path, name: str, style: str | None = None, pinhole: bool = False) -> None:
+def _make_rig(path: Path, style: str | None = None, pinhole: bool = False) -> None:
     rig = Rig(tuple(camera.pinhole() for camera in _rig())) if pinhole else _rig()
-    notes = {"up": "z", "about": "a note"} if name.endswith("toml") else None
-    write_rig(rig, folder / name, style, notes)
+    write_rig(rig, path, style, {"up": "z", "about": "a note"} if path.suffix == ".toml" else None)
 
 
-def _use_rig(folder: Path, thorough: bool, name: str) -> None:
-    if thorough:
-        out, picture = folder / "out.toml", folder / "rig.png"
-        command("calibrate", "convert", folder / name, out, "--overwrite", "--picture", picture)
-        return
-    rig = read_rig(folder / name)
-    read_up(folder / name)
+def _use_rig(path: Path) -> None:
+    rig = read_rig(path)
+    read_up(path)
     _use_cameras(rig)
-    write_rig(rig, folder / "out.toml")
+    write_rig(rig, path.with_name("out.toml"))
 
 
 def _use_cameras(rig: Rig) -> None:
@@ -137,43 +134,43 @@ def _use_cameras(rig: Rig) -> None:
         camera.rays(np.array([[0.0, 0.0], [100.0, 50.0]]))
 
 
-def _rig_target(name: str, mutation: Mutation, **options) -> FuzzTarget:
-    make = partial(_make_rig, name=name, **options)
-    return FuzzTarget(make, {name: mutation}, partial(_use_rig, name=name))
+def _calibration(opened: str, *mutated: str, **options) -> FuzzTarget:
+    """A calibration that is written, too."""
+    make = partial(_make_rig, **options)
+    command = f"{_CONVERT} --picture {{folder}}/rig.png"
+    return FuzzTarget(opened, make, _use_rig, mutated, command)
 
 
-def _use_foreign(folder: Path, thorough: bool, name: str, unit: str = "m") -> None:
+def _use_foreign(path: Path, unit: str) -> None:
     """Reads a calibration that may lack unit, size and positions."""
-    path = folder / name
-    if thorough:
-        command("calibrate", "convert", path, folder / "out.toml", "--overwrite", "--unit", unit)
-        return
     for lenses in (True, False):
         rig = read_rig(path, unit, (1280, 720), lenses=lenses)
         _use_cameras(rig)
-    write_rig(rig, folder / "out.toml")
-
-
-def _use_lens(folder: Path, thorough: bool) -> None:
-    """Reads a lens without a position."""
-    _use_cameras(read_rig(folder / "rig.json", size=(1280, 720), lenses=True))
+    write_rig(rig, path.with_name("out.toml"))
 
 
 def _foreign(
-    make: Callable[[Path], None], name: str, mutation: Mutation, unit: str = "m"
+    opened: str, make: Callable[[Path], object], *mutated: str, unit: str = "m"
 ) -> FuzzTarget:
-    return FuzzTarget(make, {name: mutation}, partial(_use_foreign, name=name, unit=unit))
+    use = partial(_use_foreign, unit=unit)
+    return FuzzTarget(opened, make, use, mutated, f"{_CONVERT} --unit {unit}")
 
 
-def _make_folder(folder: Path) -> None:
-    (folder / "cameras").mkdir()
+def _use_lens(path: Path) -> None:
+    """Reads a lens without a position."""
+    _use_cameras(read_rig(path, size=(1280, 720), lenses=True))
+
+
+def _make_folder(path: Path) -> None:
+    path.mkdir()
     for camera in _rig():
-        write_rig(Rig((camera,)), folder / "all.yml")
-        text = (folder / "all.yml").read_text().replace(f"{camera.name}:\n", "")
-        (folder / "cameras" / f"{camera.name}.yml").write_text(text.replace("\n   ", "\n"))
+        own = path / f"{camera.name}.yml"
+        write_rig(Rig((camera,)), own)
+        text = own.read_text().replace(f"{camera.name}:\n", "")
+        own.write_text(text.replace("\n   ", "\n"))
 
 
-def _make_points(folder: Path) -> None:
+def _make_points(path: Path) -> None:
     rng = np.random.default_rng(0)
     lines = ["camera,point,x_px,y_px,x_m,y_m,z_m"]
     for number, place in enumerate(rng.uniform(-0.5, 0.5, (12, 3))):
@@ -181,22 +178,22 @@ def _make_points(folder: Path) -> None:
             x, y = camera.project(place[None])[0][0]
             metres = ",".join(f"{value:.4f}" for value in place) if number < 6 else ",,"
             lines.append(f"{camera.name},p{number},{x:.2f},{y:.2f},{metres}")
-    (folder / "points.csv").write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n")
 
 
-def _use_points(folder: Path, thorough: bool) -> None:
+def _use_points(path: Path) -> None:
     from calib.points import read_points
 
-    read_points(folder / "points.csv")
+    read_points(path)
 
 
-def _make_bvh(folder: Path) -> None:
+def _make_bvh(path: Path) -> None:
     from voxelpose.export.bvh import write_bvh
 
-    write_bvh(_motion(), folder / "clip.bvh")
+    write_bvh(_motion(), path)
 
 
-def _make_expmap(folder: Path) -> None:
+def _make_expmap(path: Path) -> None:
     motion, model = _motion(), _motion().model
     parents = model.tree.parents.tolist()
     joints = model.joints_m * 100
@@ -208,124 +205,120 @@ def _make_expmap(folder: Path) -> None:
         "names": list(model.names),
         "root_scale": 1.0,
     }
-    (folder / "skeleton.json").write_text(json.dumps(skeleton))
+    path.with_name("skeleton.json").write_text(json.dumps(skeleton))
     turns = np.random.default_rng(0).normal(0, 0.1, (len(motion), 3 * len(parents)))
     rows = np.column_stack([motion.root_m * 100, turns])
-    np.savetxt(folder / "clip.csv", rows, "%.5f", ",")
+    np.savetxt(path, rows, "%.5f", ",")
 
 
-def _use_clip(folder: Path, thorough: bool, name: str) -> None:
+def _use_clip(path: Path) -> None:
     from silhouette_core.motion.mocap.load import load_motions
 
-    for motion in load_motions([folder / name], _motion().model):
+    for motion in load_motions([path], _motion().model):
         motion.landmarks()
 
 
-def _make_estimate(folder: Path) -> None:
+def _make_estimate(truth: Path) -> None:
     from voxelpose.export.tables import write_joints
     from voxelpose.export.trc import write_trc
     from voxelpose.recording.truth import write_truth
 
     motion = _motion()
-    write_joints(motion, folder / "joints.csv")
-    write_truth(folder / "truth.json", motion.landmarks(), 25.0, 1.75)
-    write_trc(motion, folder / "truth.trc")
-    write_joints(motion, folder / "truth.csv")
+    write_joints(motion, truth.with_name("joints.csv"))
+    write_truth(truth.with_suffix(".json"), motion.landmarks(), 25.0, 1.75)
+    write_trc(motion, truth.with_suffix(".trc"))
+    write_joints(motion, truth.with_suffix(".csv"))
 
 
-def _use_estimate(folder: Path, thorough: bool, truth: str) -> None:
+def _use_estimate(truth: Path) -> None:
     from voxelpose.evaluation import evaluate, markdown_table
 
-    if thorough:
-        command("evaluate", folder / "joints.csv", "--truth", folder / truth)
-        return
-    markdown_table({"a": evaluate(folder / "joints.csv", folder / truth)})
+    markdown_table({"a": evaluate(truth.with_name("joints.csv"), truth)})
 
 
-def _make_subject(folder: Path) -> None:
+def _estimate(truth: str, *mutated: str) -> FuzzTarget:
+    command = "evaluate {folder}/joints.csv --truth {path}"
+    return FuzzTarget(truth, _make_estimate, _use_estimate, mutated, command)
+
+
+def _make_subject(path: Path) -> None:
     text = 'stature = 1.75\nchest_girth = 0.98\nsex = "female"\nbody = "body.npz"\n'
     text += 'name = "S07"\ndate = 2026-11-28\nremarks = "barefoot"\n'
-    (folder / "subject.toml").write_text(text)
-    (folder / "body.npz").write_bytes(b"")
+    path.write_text(text)
+    path.with_name("body.npz").write_bytes(b"")
 
 
-def _use_subject(folder: Path, thorough: bool) -> None:
+def _use_subject(path: Path) -> None:
     from voxelpose.recording.subject import read_subject
 
-    subject = read_subject(folder / "subject.toml")
+    subject = read_subject(path)
     if subject.stature_m is not None:
         BodySizes(subject.stature_m, subject.chest_girth_m, subject.sex)
 
 
-def _make_recording_file(folder: Path) -> None:
+def _make_recording_file(path: Path) -> None:
     text = "cam_0 = [[[10, 20], [100.5, 20], [100, 80]], [[0, 0], [9, 0], [9, 9], [0, 9]]]"
-    (folder / "recording.toml").write_text(f"[unknown]\n{text}\ncam_1 = []\n")
+    path.write_text(f"[unknown]\n{text}\ncam_1 = []\n")
 
 
-def _use_recording_file(folder: Path, thorough: bool) -> None:
+def _use_recording_file(path: Path) -> None:
     from voxelpose.recording.unknown_places import painted_mask, unknown_polygons
 
-    for name, polygons in unknown_polygons(folder / "recording.toml", _rig().names).items():
+    for name, polygons in unknown_polygons(path, _rig().names).items():
         painted_mask(polygons, _rig()[name].size)
 
 
-def _make_region(folder: Path) -> None:
+def _make_region(path: Path) -> None:
     from voxelpose.setup_page.drawn_places import write_region
     from voxelpose.setup_page.page_requests import RegionDrawing
 
     drawing = RegionDrawing(True, [[(5.0, 5.0), (60.5, 5.0), (30.0, 40.2)]])
-    write_region(folder, "cam_0", drawing, None, (64, 48))
+    write_region(path.parents[1], "cam_0", drawing, None, (64, 48))
 
 
-def _use_region(folder: Path, thorough: bool) -> None:
+def _use_region(path: Path) -> None:
     from voxelpose.recording.frame_reader import read_still
     from voxelpose.setup_page.drawn_places import read_regions
 
-    image = read_still(folder / "regions" / "cam_0.png")
-    read_regions(folder, {"cam_0": image.max(axis=2) > 127})
+    read_regions(path.parents[1], {"cam_0": read_still(path).max(axis=2) > 127})
 
 
-def _make_folder_settings(folder: Path) -> None:
+def _make_folder_settings(path: Path) -> None:
     text = (
         '[fit]\nstature = 1.75\nout = "x"\nsex = "female"\nbody = "92A5"\n'
         '[calibrate.board]\npaper = "a3"\n[live]\nsend = ["vmc://a:1"]\n'
         "[carve]\nvolume = [0, 0, 0, 1, 1, 1]\n"
     )
-    (folder / "voxelpose.toml").write_text(text)
+    path.write_text(text)
 
 
-def _use_folder_settings(folder: Path, thorough: bool) -> None:
+def _use_folder_settings(path: Path) -> None:
     from voxelpose.cli.options import folder_settings, sections_in
 
-    if thorough:
-        command("settings", folder)
-        return
-    for section in sections_in(folder):
-        folder_settings(section, folder)
+    for section in sections_in(path.parent):
+        folder_settings(section, path.parent)
 
 
-def _make_timestamps(folder: Path) -> None:
+def _make_timestamps(path: Path) -> None:
     from voxelpose.recording.timestamps import write_timestamps
 
-    times = {"cam_0": np.arange(30) / 25, "cam_1": np.arange(30) / 25 + 0.003}
-    write_timestamps(folder / "timestamps.csv", times)
+    write_timestamps(path, {f"cam_{k}": np.arange(30) / 25 + 0.003 * k for k in range(2)})
 
 
-def _use_timestamps(folder: Path, thorough: bool) -> None:
+def _use_timestamps(path: Path) -> None:
     from voxelpose.recording.frame_reader import FrameReader
     from voxelpose.recording.timestamps import match_frames, read_timestamps
 
-    path = folder / "timestamps.csv"
-    reader = FrameReader(folder, (), (320, 240), 30, 25.0)
+    reader = FrameReader(path.parent, (), (320, 240), 30, 25.0)
     match_frames(read_timestamps(path, {"cam_0": reader, "cam_1": reader})[0], path)
 
 
-def _make_video(folder: Path, name: str) -> None:
+def _make_video(path: Path) -> None:
     import imageio_ffmpeg
 
     coded = ["-vf", "select='not(between(n,4,6))'", "-fps_mode", "passthrough", "-bf", "2"]
     writer = imageio_ffmpeg.write_frames(
-        str(folder / name), (64, 48), fps=25, output_params=coded, macro_block_size=1
+        str(path), (64, 48), fps=25, output_params=coded, macro_block_size=1
     )
     writer.send(None)
     for grey in range(12):
@@ -333,11 +326,11 @@ def _make_video(folder: Path, name: str) -> None:
     writer.close()
 
 
-def _use_video(folder: Path, thorough: bool, name: str) -> None:
+def _use_video(path: Path) -> None:
     from voxelpose.recording.ffmpeg import coded_pictures
     from voxelpose.recording.timestamps import even_numbers
 
-    coded = coded_pictures(folder / name)
+    coded = coded_pictures(path)
     times_s = coded.shown_s
     if times_s is not None:
         numbers, _ = even_numbers(times_s)
@@ -346,63 +339,59 @@ def _use_video(folder: Path, thorough: bool, name: str) -> None:
         assert (np.diff(numbers) > 0).all()
 
 
-def _make_image(folder: Path, name: str) -> None:
+def _make_image(path: Path) -> None:
     image = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
-    (folder / name).write_bytes(cv2.imencode(Path(name).suffix, image)[1].tobytes())
+    path.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
 
 
-def _use_image(folder: Path, thorough: bool, name: str) -> None:
-    from voxelpose.recording.frame_reader import FrameReader
-
-    for frame in FrameReader.open(folder / name):
-        frame.mean()
-
-
-def _make_film(folder: Path, cover: bool) -> None:
-    """Two chapters of a film; or a film behind a still picture, as its file's second track."""
-    import imageio_ffmpeg
-
-    (folder / "cam_0").mkdir()
-    if not cover:
-        for chapter in (1, 2):
-            _make_video(folder, f"cam_0/GX0{chapter}0012.mp4")
-        return
-    _make_video(folder, "film.mov")
-    _make_image(folder, "cover.png")
-    words = ["-loglevel", "error", "-i", folder / "cover.png", "-i", folder / "film.mov"]
-    words += ["-map", "0:v", "-map", "1:v", "-c", "copy", folder / "cam_0.mov"]
-    subprocess.run([imageio_ffmpeg.get_ffmpeg_exe(), *words], check=True)
-
-
-def _use_film(folder: Path, thorough: bool, name: str) -> None:
+def _use_camera(path: Path) -> None:
+    """Reads the pictures of a camera."""
     from voxelpose.recording.chapters import open_camera
 
-    for frame in open_camera(folder / name):
+    for frame in open_camera(path):
         frame.mean()
 
 
-def _make_images(folder: Path, turned: bool) -> None:
+def _make_chapters(path: Path) -> None:
+    path.mkdir()
+    for chapter in (1, 2):
+        _make_video(path / f"GX0{chapter}0012.mp4")
+
+
+def _make_film(path: Path) -> None:
+    """A film behind a still picture, as its file's second track."""
+    import imageio_ffmpeg
+
+    film, cover = path.with_name("film.mov"), path.with_name("cover.png")
+    _make_video(film)
+    _make_image(cover)
+    words = ["-loglevel", "error", "-i", cover, "-i", film, "-map", "0:v", "-map", "1:v"]
+    words = [imageio_ffmpeg.get_ffmpeg_exe(), *words, "-c", "copy", path]
+    subprocess.run(words, check=True)
+
+
+def _make_images(path: Path, turned: bool) -> None:
     """Three images, one of which EXIF data turn; or whose opacity is a person's silhouette."""
-    (folder / "cam_0").mkdir()
+    path.mkdir()
     for number in range(3):
         layers = np.random.default_rng(number).integers(0, 255, (48, 64, 4), np.uint8)
         layers[..., 3] = 0
         layers[10:40, 8 * number + 8 : 8 * number + 24, 3] = 255
-        path, exif = folder / "cam_0" / f"{number}.{'jpg' if turned else 'png'}", Image.Exif()
+        still, exif = path / f"{number}.{'jpg' if turned else 'png'}", Image.Exif()
         exif[0x0112] = 6 if number == 1 else 1
-        Image.fromarray(layers[..., :3] if turned else layers).save(path, exif=exif)
+        Image.fromarray(layers[..., :3] if turned else layers).save(still, exif=exif)
 
 
-def _use_images(folder: Path, thorough: bool) -> None:
+def _use_images(path: Path) -> None:
     from voxelpose.recording.frame_reader import FrameReader
     from voxelpose.recording.mask_labels import cut_outs
 
-    reader = FrameReader.open(folder / "cam_0")
+    reader = FrameReader.open(path)
     for frame in cut_outs({"cam_0": reader})[0].get("cam_0", reader):
         frame.mean()
 
 
-def _make_image_names(folder: Path) -> None:
+def _make_image_names(path: Path) -> None:
     """Names of the images of some cameras, which tell numbers and times in several ways."""
     forms = (
         lambda n: f"cam1_{n:04d}",
@@ -414,17 +403,17 @@ def _make_image_names(folder: Path) -> None:
         lambda n: f"{1_700_000_000_000_000_000 + 33_000_000 * n}",
     )
     names = ["\n".join(map(form, range(_FRAMES))) for form in forms]
-    (folder / "names.txt").write_text("\n\n".join(names))
+    path.write_text("\n\n".join(names))
 
 
-def _use_image_names(folder: Path, thorough: bool) -> None:
+def _use_image_names(path: Path) -> None:
     from voxelpose.recording.image_names import in_order, names_by_camera
 
-    listed = (folder / "names.txt").read_text("utf-8", "replace").split("\n\n")
+    listed = path.read_text("utf-8", "replace").split("\n\n")
     # As long as file systems allow.
     cameras = {str(k): [n[:200] for n in names.splitlines()] for k, names in enumerate(listed)}
     ordered = {
-        name: in_order([folder / "names.txt" / f"{stem}.png" for stem in stems])
+        name: in_order([path / f"{stem}.png" for stem in stems])
         for name, stems in cameras.items()
         if stems
     }
@@ -434,74 +423,72 @@ def _use_image_names(folder: Path, thorough: bool) -> None:
     names_by_camera(ordered)
 
 
-def _make_masks(folder: Path, name: str) -> None:
-    (folder / "masks" / "cam_0").mkdir(parents=True)
+def _make_masks(path: Path, kind: str) -> None:
+    path.mkdir(parents=True)
     for number in range(3):
         mask = np.zeros((48, 64), np.uint8)
         mask[10:40, 8 * number + 8 : 8 * number + 24] = 1
         alpha = np.dstack([mask * 90, mask * 7, mask * 200, mask * 255])
-        picture = {"rgba": alpha, "float": mask.astype(np.float32)}.get(name, mask)
-        suffix = ".tiff" if name == "float" else ".png"
-        coded = cv2.imencode(suffix, picture)[1].tobytes()
-        path = folder / "masks" / "cam_0" / f"{number}{suffix}"
-        path.write_bytes(coded)
-        if name == "palette":
+        picture = {"rgba": alpha, "float": mask.astype(np.float32)}.get(kind, mask)
+        suffix = ".tiff" if kind == "float" else ".png"
+        still = path / f"{number}{suffix}"
+        still.write_bytes(cv2.imencode(suffix, picture)[1].tobytes())
+        if kind == "palette":
             image = Image.fromarray(mask, "P")
             image.putpalette([0, 0, 0, 128, 0, 0])
-            image.save(path)
+            image.save(still)
 
 
-def _use_masks(folder: Path, thorough: bool) -> None:
+def _use_masks(path: Path) -> None:
     from voxelpose.recording.mask_labels import open_masks
     from voxelpose.recording.masks import painted
 
-    (path,) = (folder / "masks").iterdir()
     painted(sorted(path.iterdir())[1])
     for frame in open_masks({"cam_0": path})[0]["cam_0"]:
         frame.mean()
 
 
-def _make_hypotheses(folder: Path) -> None:
+def _make_hypotheses(path: Path) -> None:
     from voxelpose.export.tables import write_hypotheses
 
     joints = _motion().landmarks()
     poses = [(k, np.array([0.7, 0.3]), joints[[k, 0]]) for k in range(_FRAMES)]
-    write_hypotheses(poses, folder / "hypotheses.csv")
+    write_hypotheses(poses, path)
 
 
-def _use_hypotheses(folder: Path, thorough: bool) -> None:
+def _use_hypotheses(path: Path) -> None:
     from voxelpose.export.tables import read_hypotheses
 
-    read_hypotheses(folder / "hypotheses.csv")
+    read_hypotheses(path)
 
 
-def _make_names(folder: Path) -> None:
+def _make_names(path: Path) -> None:
     from silhouette_core.motion.mocap.names import NEEDED
 
     lines = [f'{role} = ["{role}", "Other"]' for role in NEEDED]
-    (folder / "names.toml").write_text("\n".join([*lines, 'toes = "{left}_toes"']) + "\n")
+    path.write_text("\n".join([*lines, 'toes = "{left}_toes"']) + "\n")
 
 
-def _use_names(folder: Path, thorough: bool) -> None:
+def _use_names(path: Path) -> None:
     from silhouette_core.motion.mocap.names import find_roles
 
-    find_roles("clip.bvh", _motion().model.names, folder / "names.toml")
+    find_roles("clip.bvh", _motion().model.names, path)
 
 
-def _make_list(folder: Path) -> None:
+def _make_list(path: Path) -> None:
     for name in ("one", "two"):
-        (folder / name).mkdir()
-        write_rig(_rig(), folder / name / "calibration.toml")
+        path.with_name(name).mkdir()
+        write_rig(_rig(), path.with_name(name) / "calibration.toml")
     text = "[settings]\nstature = 1.8\nsmooth = false\n"
     text += '[[recording]]\nfolder = "one"\nframes = "0:9"\n'
     text += '[[recording]]\nfolder = "two"\nname = "second"\ncommand = "track"\n'
-    (folder / "list.toml").write_text(text)
+    path.write_text(text)
 
 
-def _use_list(folder: Path, thorough: bool) -> None:
+def _use_list(path: Path) -> None:
     from voxelpose.batch.jobs import jobs_of
 
-    jobs_of([folder / "list.toml"], "fit", {})
+    jobs_of([path], "fit", {})
 
 
 @cache
@@ -514,11 +501,11 @@ def _recorded() -> tuple:
     return Estimate(conditioned(seen, Conditioning(gap_limit=2)), stages, facts), settings
 
 
-def _make_result(folder: Path) -> None:
+def _make_result(out: Path) -> None:
     from voxelpose.fitting import Output, write_estimate
     from voxelpose.recording.folder import Recording
 
-    place = folder / "recording"
+    place = out.with_name("recording")
     for camera, mask in zip(_rig(), silhouettes(_rig()), strict=True):
         (place / camera.name).mkdir(parents=True)
         for number in range(_FRAMES):
@@ -528,47 +515,35 @@ def _make_result(folder: Path) -> None:
     write_rig(_rig(), place / "calibration.toml")
     recording = Recording.open(place, fps=25.0)
     estimate, settings = _recorded()
-    write_estimate(recording, Output(folder / "out", pictures=False), estimate, settings)
+    write_estimate(recording, Output(out, pictures=False), estimate, settings)
 
 
-def _make_given(folder: Path) -> None:
+def _make_given(path: Path) -> None:
     """A motion that holds its body: no person's."""
     from examples.bodies.example_motions import example_motion
     from silhouette_core.motion.motion_file import write_motion
 
-    write_motion(example_motion("desk_lamp", 3), folder / "given.safetensors")
+    write_motion(example_motion("desk_lamp", 3), path)
 
 
-def _use_given(folder: Path, thorough: bool) -> None:
+def _use_motion(path: Path) -> None:
     from silhouette_core.motion.motion_file import read_motion
     from voxelpose.export.formats import export_motion
 
-    motion = read_motion(folder / "given.safetensors")
-    motion.landmark_confidence()
-    export_motion(motion, folder / "exported", ("bvh", "trc", "csv"), overwrite=True)
-
-
-def _export(folder: Path) -> None:
-    from voxelpose.export.formats import export_motion
-
-    export_motion(_motion(), folder, ("npz",), overwrite=True)
-
-
-def _use_motion(folder: Path, thorough: bool) -> None:
-    from silhouette_core.motion.motion_file import read_motion
-    from voxelpose.export.formats import export_motion
-
-    out = folder / "exported"
-    if thorough:
-        command("export", folder / "out", "--out", out, "--overwrite")
-        return
-    motion = read_motion(folder / "out" / "motion.safetensors")
+    motion = read_motion(path)
     motion.landmark_confidence()
     if len(motion):
-        export_motion(motion, out, ("bvh", "trc", "csv"), overwrite=True)
+        formats = ("bvh", "trc", "csv")
+        export_motion(motion, path.with_name("exported"), formats, overwrite=True)
 
 
-def _use_result(folder: Path, thorough: bool) -> None:
+def _export(path: Path) -> None:
+    from voxelpose.export.formats import export_motion
+
+    export_motion(_motion(), path.parent, ("npz",), overwrite=True)
+
+
+def _use_result(out: Path) -> None:
     from voxelpose.batch.batch_tables import _lines  # the table of a batch
     from voxelpose.batch.jobs import Job
     from voxelpose.batch.run import Outcome
@@ -578,10 +553,7 @@ def _use_result(folder: Path, thorough: bool) -> None:
     from voxelpose.report.verdict import headline
     from voxelpose.results import Result
 
-    if thorough:
-        command("report", folder / "out", "--overwrite")
-        return
-    result = Result.open(folder / "out")
+    result = Result.open(out)
     with contextlib.redirect_stdout(io.StringIO()):
         print_result(result)
     headline(result, findings_of(result.summary, result.motion)), _stages(result.summary["seconds"])
@@ -590,11 +562,11 @@ def _use_result(folder: Path, thorough: bool) -> None:
     _lines(outcome)
 
 
-def _use_scenes(folder: Path, thorough: bool) -> None:
+def _use_scenes(out: Path) -> None:
     from voxelpose.view.viewer.result_scenes import ResultScenes
 
-    _use_result(folder, thorough)
-    scenes = ResultScenes(folder / "out")
+    _use_result(out)
+    scenes = ResultScenes(out)
     try:
         if len(scenes.frames):
             scenes.bodies(int(scenes.frames[0]))
@@ -602,172 +574,119 @@ def _use_scenes(folder: Path, thorough: bool) -> None:
         scenes.close()
 
 
-def _make_library(folder: Path, learned: bool) -> None:
-    libraries.make_library(folder / "me.vplib", _motion().model, learned=learned)
+def _library(learned: bool) -> FuzzTarget:
+    def make(path: Path) -> None:
+        libraries.make_library(path, _motion().model, learned=learned)
+
+    command = "library info {path} --png {folder}/sheet.png"
+    return FuzzTarget("me.vplib", make, libraries.use_library, command=command)
 
 
-def _use_library(folder: Path, thorough: bool) -> None:
-    path = folder / "me.vplib"
-    if thorough:
-        command("library", "info", path, "--png", folder / "sheet.png")
-    else:
-        libraries.use_library(path)
-
-
-def _result(mutations: dict[str, Mutation], use: Callable[[Path, bool], None]) -> FuzzTarget:
-    return FuzzTarget(_make_result, {f"out/{name}": one for name, one in mutations.items()}, use)
-
-
-def _video(kind: str) -> FuzzTarget:
-    name = f"a.{kind}"
-    make, use = partial(_make_video, name=name), partial(_use_video, name=name)
-    return FuzzTarget(make, {name: any_bytes}, use)
-
-
-def _use_scan(folder: Path, thorough: bool) -> None:
+def _use_scan(path: Path) -> None:
     """Reads a scan as `evaluate --scan` does."""
     from voxelpose.scan_distance import read_scan
 
-    read_scan(folder / "part.ply", "m", body_m=0.4)
+    read_scan(path, "m", body_m=0.4)
 
 
-def _urdf(mesh: str) -> FuzzTarget:
-    mutations = {"arm.urdf": any_text, f"part.{mesh}": any_bytes if mesh == "stl" else any_text}
-    make = partial(rigs.write_urdf, mesh=mesh)
-    return FuzzTarget(make, mutations, partial(rigs.use_rig, name="arm.urdf"))
+def _body(
+    opened: str, write: Callable[..., None], *beside: str, use=rigs.use_rig, **options
+) -> FuzzTarget:
+    """A body, written into a folder, and files beside it that are mutated, too."""
+
+    def make(path: Path) -> None:
+        write(path.parent, **options)
+
+    return FuzzTarget(opened, make, use, (opened, *beside))
 
 
 TARGETS: dict[str, FuzzTarget] = {
-    "calibration-toml": _rig_target("rig.toml", any_text),
-    "calibration-json": _rig_target("rig.json", any_json),
-    "projections": _rig_target("rig.json", any_json, style="projections", pinhole=True),
-    "qualisys": _rig_target("rig.txt", any_text),
-    "opencv-yaml": _rig_target("rig.yml", any_text),
-    "opencv-xml": _rig_target("rig.xml", any_text),
-    "opencv-json": _rig_target("rig.json", any_json, style="opencv"),
-    "opencv-folder": FuzzTarget(
-        _make_folder, {"cameras/cam_0.yml": any_text}, partial(_use_rig, name="cameras")
-    ),
-    "easymocap": FuzzTarget(
-        partial(_make_rig, name="easymocap"),
-        {"easymocap/intri.yml": any_text, "easymocap/extri.yml": any_text},
-        partial(_use_rig, name="easymocap"),
-    ),
-    "colmap": FuzzTarget(
-        calibrations.write_colmap,
-        {"model/cameras.txt": any_text, "model/images.txt": any_text},
-        partial(_use_foreign, name="model"),
-    ),
-    "nerfstudio": _foreign(calibrations.write_nerfstudio, "rig.json", any_json),
-    "metashape": _foreign(calibrations.write_metashape, "rig.xml", any_text),
-    "theia": _foreign(calibrations.write_theia, "rig.txt", any_text, "mm"),
-    "vicon": _foreign(calibrations.write_vicon, "rig.xcp", any_text, "mm"),
-    "kinect": FuzzTarget(calibrations.write_kinect, {"rig.json": any_json}, _use_lens),
-    "opencap": _foreign(calibrations.write_opencap, "rig.json", any_json, "mm"),
-    "dannce": _foreign(calibrations.write_dannce, "rig.mat", any_bytes, "mm"),
-    "points": FuzzTarget(_make_points, {"points.csv": any_table}, _use_points),
-    "bvh": FuzzTarget(_make_bvh, {"clip.bvh": any_text}, partial(_use_clip, name="clip.bvh")),
+    "calibration-toml": _calibration("rig.toml"),
+    "calibration-json": _calibration("rig.json"),
+    "projections": _calibration("rig.json", style="projections", pinhole=True),
+    "qualisys": _calibration("rig.txt"),
+    "opencv-yaml": _calibration("rig.yml"),
+    "opencv-xml": _calibration("rig.xml"),
+    "opencv-json": _calibration("rig.json", style="opencv"),
+    "opencv-folder": FuzzTarget("cameras", _make_folder, _use_rig, ("cameras/cam_0.yml",)),
+    "easymocap": _calibration("easymocap", "easymocap/intri.yml", "easymocap/extri.yml"),
+    "colmap": _foreign("model", calibrations.write_colmap, "model/cameras.txt", "model/images.txt"),
+    "nerfstudio": _foreign("rig.json", calibrations.write_nerfstudio),
+    "metashape": _foreign("rig.xml", calibrations.write_metashape),
+    "theia": _foreign("rig.txt", calibrations.write_theia, unit="mm"),
+    "vicon": _foreign("rig.xcp", calibrations.write_vicon, unit="mm"),
+    "kinect": FuzzTarget("rig.json", calibrations.write_kinect, _use_lens),
+    "opencap": _foreign("rig.json", calibrations.write_opencap, unit="mm"),
+    "dannce": _foreign("rig.mat", calibrations.write_dannce, unit="mm"),
+    "points": FuzzTarget("points.csv", _make_points, _use_points),
+    "bvh": FuzzTarget("clip.bvh", _make_bvh, _use_clip),
     "exponential-map": FuzzTarget(
-        _make_expmap,
-        {"clip.csv": any_table, "skeleton.json": any_json},
-        partial(_use_clip, name="clip.csv"),
+        "clip.csv", _make_expmap, _use_clip, ("clip.csv", "skeleton.json")
     ),
-    "trc": FuzzTarget(
-        _make_estimate, {"truth.trc": any_text}, partial(_use_estimate, truth="truth.trc")
-    ),
-    "joints": FuzzTarget(
-        _make_estimate, {"joints.csv": any_table}, partial(_use_estimate, truth="truth.json")
-    ),
-    "truth-table": FuzzTarget(
-        _make_estimate, {"truth.csv": any_table}, partial(_use_estimate, truth="truth.csv")
-    ),
-    "truth": FuzzTarget(
-        _make_estimate, {"truth.json": any_json}, partial(_use_estimate, truth="truth.json")
-    ),
-    "subject": FuzzTarget(_make_subject, {"subject.toml": any_text}, _use_subject),
-    "recording-file": FuzzTarget(
-        _make_recording_file, {"recording.toml": any_text}, _use_recording_file
-    ),
-    "drawn-region": FuzzTarget(_make_region, {"regions/cam_0.png": any_bytes}, _use_region),
+    "trc": _estimate("truth.trc"),
+    "joints": _estimate("truth.json", "joints.csv"),
+    "truth-table": _estimate("truth.csv"),
+    "truth": _estimate("truth.json"),
+    "subject": FuzzTarget("subject.toml", _make_subject, _use_subject),
+    "recording-file": FuzzTarget("recording.toml", _make_recording_file, _use_recording_file),
+    "drawn-region": FuzzTarget("regions/cam_0.png", _make_region, _use_region),
     "folder-settings": FuzzTarget(
-        _make_folder_settings, {"voxelpose.toml": any_text}, _use_folder_settings
+        "voxelpose.toml", _make_folder_settings, _use_folder_settings, command="settings {folder}"
     ),
-    "hypotheses": FuzzTarget(_make_hypotheses, {"hypotheses.csv": any_table}, _use_hypotheses),
-    "joint-names": FuzzTarget(_make_names, {"names.toml": any_text}, _use_names),
-    "batch-list": FuzzTarget(_make_list, {"list.toml": any_text}, _use_list),
-    "timestamps": FuzzTarget(_make_timestamps, {"timestamps.csv": any_table}, _use_timestamps),
-    "image-names": FuzzTarget(_make_image_names, {"names.txt": any_text}, _use_image_names),
-    "chapters": FuzzTarget(
-        partial(_make_film, cover=False),
-        {"cam_0/GX020012.mp4": any_bytes},
-        partial(_use_film, name="cam_0"),
-    ),
-    "film-track": FuzzTarget(
-        partial(_make_film, cover=True),
-        {"cam_0.mov": any_bytes},
-        partial(_use_film, name="cam_0.mov"),
-    ),
-    "exif": FuzzTarget(partial(_make_images, turned=True), {"cam_0/1.jpg": any_bytes}, _use_images),
+    "hypotheses": FuzzTarget("hypotheses.csv", _make_hypotheses, _use_hypotheses),
+    "joint-names": FuzzTarget("names.toml", _make_names, _use_names),
+    "batch-list": FuzzTarget("list.toml", _make_list, _use_list),
+    "timestamps": FuzzTarget("timestamps.csv", _make_timestamps, _use_timestamps),
+    "image-names": FuzzTarget("names.txt", _make_image_names, _use_image_names),
+    "chapters": FuzzTarget("cam_0", _make_chapters, _use_camera, ("cam_0/GX020012.mp4",)),
+    "film-track": FuzzTarget("cam_0.mov", _make_film, _use_camera),
+    "exif": FuzzTarget("cam_0", partial(_make_images, turned=True), _use_images, ("cam_0/1.jpg",)),
     "alpha": FuzzTarget(
-        partial(_make_images, turned=False), {"cam_0/1.png": any_bytes}, _use_images
+        "cam_0", partial(_make_images, turned=False), _use_images, ("cam_0/1.png",)
     ),
-    "times-mov": _video("mov"),
-    "times-mkv": _video("mkv"),
-    "times-avi": _video("avi"),
     **{
-        name: FuzzTarget(
-            partial(_make_image, name=f"a.{name}"),
-            {f"a.{name}": any_bytes},
-            partial(_use_image, name=f"a.{name}"),
-        )
+        f"times-{name}": FuzzTarget(f"a.{name}", _make_video, _use_video)
+        for name in ("mov", "mkv", "avi")
+    },
+    **{
+        name: FuzzTarget(f"a.{name}", _make_image, _use_camera)
         for name in ("png", "jpg", "bmp", "tiff", "webp")
     },
     **{
         f"masks-{name}": FuzzTarget(
-            partial(_make_masks, name=name),
-            {f"masks/cam_0/1.{'tiff' if name == 'float' else 'png'}": any_bytes},
+            "masks/cam_0",
+            partial(_make_masks, kind=name),
             _use_masks,
+            (f"masks/cam_0/1.{'tiff' if name == 'float' else 'png'}",),
         )
         for name in ("label", "rgba", "palette", "float")
     },
-    "rig-bvh": FuzzTarget(
-        rigs.write_bvh_rig,
-        {"leg.bvh": any_text, "leg.rig.toml": any_text},
-        partial(rigs.use_rig, name="leg.bvh"),
-    ),
-    "rig-gltf": FuzzTarget(
-        rigs.write_gltf, {"box.gltf": any_json}, partial(rigs.use_rig, name="box.gltf")
-    ),
-    "rig-glb": FuzzTarget(
-        rigs.write_box_glb, {"box.glb": any_bytes}, partial(rigs.use_rig, name="box.glb")
-    ),
-    "rig-urdf-stl": _urdf("stl"),
-    "rig-urdf-obj": _urdf("obj"),
-    "rig-urdf-dae": _urdf("dae"),
-    "rig-urdf-ply": _urdf("ply"),
-    "scan": FuzzTarget(partial(rigs.write_urdf, mesh="ply"), {"part.ply": any_bytes}, _use_scan),
-    "rig-makehuman": FuzzTarget(
+    "rig-bvh": _body("leg.bvh", rigs.write_bvh_rig, "leg.rig.toml"),
+    "rig-gltf": _body("box.gltf", rigs.write_gltf),
+    "rig-glb": _body("box.glb", rigs.write_box_glb),
+    **{
+        f"rig-urdf-{name}": _body("arm.urdf", rigs.write_urdf, f"part.{name}", mesh=name)
+        for name in ("stl", "obj", "dae", "ply")
+    },
+    "scan": _body("part.ply", rigs.write_urdf, use=_use_scan, mesh="ply"),
+    "rig-makehuman": _body(
+        "body.toml",
         rigs.write_makehuman,
-        {
-            "body.toml": any_text,
-            "data/3dobjs/base.obj": any_text,
-            "data/rigs/standard/rig.two.json": any_json,
-            "data/rigs/standard/weights.two.json": any_json,
-            "data/targets/macrodetails/caucasian-male-young.target": any_text,
-        },
-        partial(rigs.use_rig, name="body.toml"),
+        "data/3dobjs/base.obj",
+        "data/rigs/standard/rig.two.json",
+        "data/rigs/standard/weights.two.json",
+        "data/targets/macrodetails/caucasian-male-young.target",
     ),
-    "motion": _result({"motion.safetensors": any_arrays}, _use_motion),
-    "export-record": FuzzTarget(
-        _export, {"export.json": any_json}, lambda folder, _: _export(folder)
+    "motion": FuzzTarget(
+        "out/motion.safetensors",
+        lambda path: _make_result(path.parent),
+        _use_motion,
+        command="export {folder}/out --out {folder}/exported --overwrite",
     ),
-    "given-body": FuzzTarget(_make_given, {"given.safetensors": any_arrays}, _use_given),
-    "summary": _result({"summary.json": any_json}, _use_result),
-    "settings": _result({"settings.toml": any_text}, _use_scenes),
-    "library": FuzzTarget(
-        partial(_make_library, learned=True), {"me.vplib": any_library}, _use_library
-    ),
-    "library-without-proposal": FuzzTarget(
-        partial(_make_library, learned=False), {"me.vplib": any_library}, _use_library
-    ),
+    "export-record": FuzzTarget("export.json", _export, _export),
+    "given-body": FuzzTarget("given.safetensors", _make_given, _use_motion),
+    "summary": FuzzTarget("out", _make_result, _use_result, ("out/summary.json",), _REPORT),
+    "settings": FuzzTarget("out", _make_result, _use_scenes, ("out/settings.toml",), _REPORT),
+    "library": _library(learned=True),
+    "library-without-proposal": _library(learned=False),
 }

@@ -24,6 +24,7 @@ _VALUES: list[Any] = [
 ]
 _NUMBER = re.compile(rb"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 _WORD = re.compile(rb"[A-Za-z_][A-Za-z_0-9-]*")
+_TEXTS = frozenset("toml txt yml xml bvh trc xcp urdf obj dae target".split())
 
 
 def mutated(data: bytes, mutation: Mutation, rng: Random) -> bytes:
@@ -132,6 +133,22 @@ def any_arrays(data: bytes, rng: Random) -> bytes:
     if not arrays:
         return any_bytes(data, rng)
     return _with_other_array(header, body, rng.choice(arrays), rng)
+
+
+def mutation_of(path: str) -> Mutation:
+    """How a file of a name is mutated."""
+    match path.rpartition(".")[2]:
+        case "json" | "gltf":
+            return any_json
+        case "csv":
+            return any_table
+        case "safetensors":
+            return any_arrays
+        case "vplib":
+            return any_library
+        case suffix if suffix in _TEXTS:
+            return any_text
+    return any_bytes
 
 
 def any_library(data: bytes, rng: Random) -> bytes:

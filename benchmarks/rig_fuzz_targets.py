@@ -168,9 +168,9 @@ def write_makehuman(folder: Path) -> None:
     (folder / "body.toml").write_text(table)
 
 
-def use_rig(folder: Path, thorough: bool, name: str) -> None:
+def use_rig(path: Path) -> None:
     """Reads a rig and looks into the body as a fit does."""
-    body = read_rig_body(folder / name)
+    body = read_rig_body(path)
     spacing_m = body.extent_m / 20
     body.part_points(spacing_m)
     assert body.vertex_normals.shape == body.vertices_m.shape
