@@ -30,7 +30,6 @@ from voxelpose.recording.timestamps import TIMESTAMPS, matched_by_time, times_by
 from voxelpose.recording.unknown_places import (
     RECORDING_FILE,
     UnknownMasks,
-    paint_unknown,
     painted_mask,
     read_painting,
     unknown_polygons,
@@ -217,15 +216,28 @@ class Recording:
         InputError where a file cannot be read or differs in size from the camera.
         """
         backgrounds: dict[str, FrameReader] = {}
-        paths = pictures_by_camera(self.folder / "background", stills=True)
-        for camera in self.rig:
-            if camera.name in paths and not self.silhouettes_given:
-                reader = open_camera(paths[camera.name])
-                if reader.size != camera.size:
-                    remedy = "record the background with the same settings, or remove it"
-                    raise other_size(paths[camera.name], reader.size, camera, remedy)
-                backgrounds[camera.name] = reader
+        paths = {} if self.silhouettes_given else self._pictures_in("background")
+        for name, path in paths.items():
+            backgrounds[name] = open_camera(path)
+            if backgrounds[name].size != self.rig[name].size:
+                remedy = "record the background with the same settings, or remove it"
+                raise other_size(path, backgrounds[name].size, self.rig[name], remedy)
         return backgrounds
+
+    def _pictures_in(self, subfolder: str) -> dict[str, Path]:
+        """Pictures or videos in a subfolder, by camera in use. InputError where one is of no
+        camera, and a camera has none: its name may be wrong.
+        """
+        paths = pictures_by_camera(self.folder / subfolder, stills=True)
+        others = {name: path for name, path in paths.items() if name not in self.camera_names}
+        lacking = [name for name in self.camera_names if name not in paths]
+        if others and lacking:
+            remedy = renaming(others, lacking) or "name it as its camera is named"
+            raise InputError(
+                f"{next(iter(others.values()))} is of none of the cameras"
+                f" {', '.join(self.camera_names)}: {remedy}, or remove it"
+            )
+        return {camera.name: paths[camera.name] for camera in self.rig if camera.name in paths}
 
     def regions(self) -> dict[str, NDArray[np.bool_]]:
         """Returns the region of interest, (H, W) bool, of the cameras that have one in regions/.
@@ -233,19 +245,26 @@ class Recording:
 
         What is opaque in a layer, else what is not black, is where the person may be.
         """
-        regions: dict[str, NDArray[np.bool_]] = {}
-        for name, path in pictures_by_camera(self.folder / "regions", stills=True).items():
-            if name in self.rig:
-                regions[name] = read_painting(path, self.rig[name], "draw it on a frame")
-        return regions
+        return {
+            name: read_painting(path, self.rig[name], "draw it on a frame")
+            for name, path in self._pictures_in("regions").items()
+        }
+
+    def painted_unknown(self) -> UnknownMasks:
+        """Returns where nothing is known, (H, W) bool, of the cameras that have a picture of it in
+        unknown/. InputError as of `unknown`.
+        """
+        return {
+            name: read_painting(path, self.rig[name], "paint it on a frame of the video")
+            for name, path in self._pictures_in("unknown").items()
+        }
 
     def unknown(self) -> UnknownMasks:
         """Returns where nothing is known, (H, W) bool, of the cameras for which something is marked
         in unknown/ or recording.toml. InputError where a file cannot be read, does not fit its
         camera, or names none.
         """
-        paths = pictures_by_camera(self.folder / "unknown", stills=True)
-        masks = paint_unknown(paths, self.rig, self.camera_names)
+        masks = self.painted_unknown()
         drawn = unknown_polygons(self.folder / RECORDING_FILE, self.camera_names)
         for name in drawn.keys() & set(self.rig.names):
             mask = painted_mask(drawn[name], self.rig[name].size)

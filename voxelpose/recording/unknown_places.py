@@ -3,14 +3,14 @@
 They are painted, unknown/CAMERA.png, or drawn as polygons in recording.toml.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.camera import Camera, Rig
+from calib.camera import Camera
 from calib.errors import InputError
 from calib.storage.documents import LARGEST_SETTINGS, load_text, parse_toml
 from voxelpose.recording.frame_reader import other_size
@@ -22,24 +22,6 @@ _EXAMPLE = "cam_1 = [[[0, 300], [200, 300], [200, 480], [0, 480]]]"
 
 UnknownMasks = dict[str, NDArray[np.bool_]]
 """(H, W) bool by camera name, where nothing is known."""
-
-
-def paint_unknown(paths: Mapping[str, Path], rig: Rig, names: Sequence[str]) -> UnknownMasks:
-    """Reads painted unknown places: what is opaque in a layer, else what is not black. InputError
-    where a picture cannot be read, differs in size from its camera's, or is of a camera that there
-    is not.
-
-    Args:
-        paths: a picture by camera name, of the camera's size.
-        names: all cameras of the recording; those that are not in use may have pictures, too.
-    """
-    masks: UnknownMasks = {}
-    for name, path in paths.items():
-        _check_camera(name, str(path), names)
-        if name not in rig:
-            continue
-        masks[name] = read_painting(path, rig[name], "paint it on a frame of the video")
-    return masks
 
 
 def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.bool_]:
@@ -82,16 +64,12 @@ def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray
         raise InputError(f"{path}: unknown is no table: write [unknown] and {_EXAMPLE}")
     by_camera = {}
     for name, polygons in listed.items():
-        _check_camera(name, str(path), names)
+        if name not in names:
+            raise InputError(
+                f"{path}: there is no camera {name[:40]!r}: the recording has {', '.join(names)}"
+            )
         by_camera[name] = _corners(polygons, f"{path}: unknown places of {name[:40]}")
     return by_camera
-
-
-def _check_camera(name: str, where: str, names: Sequence[str]) -> None:
-    if name not in names:
-        raise InputError(
-            f"{where}: there is no camera {name[:40]!r}: the recording has {', '.join(names)}"
-        )
 
 
 def _corners(polygons: object, where: str) -> list[NDArray[np.float64]]:

@@ -29,12 +29,7 @@ from voxelpose.cli.fit import Fit
 from voxelpose.cli.options import checked_values, options_of
 from voxelpose.recording.camera_files import pictures_by_camera
 from voxelpose.recording.folder import Recording
-from voxelpose.recording.unknown_places import (
-    RECORDING_FILE,
-    paint_unknown,
-    painted_mask,
-    unknown_polygons,
-)
+from voxelpose.recording.unknown_places import RECORDING_FILE, painted_mask, unknown_polygons
 from voxelpose.setup_page.page_requests import PlacesDrawn, Polygon, Polygons, RegionDrawing, Typed
 from voxelpose.view.serving.page_answers import check_camera_names
 
@@ -145,12 +140,11 @@ class PlaceFiles:
         its camera.
         """
         sizes = {camera.name: camera.size for camera in recording.rig}
-        paths = pictures_by_camera(recording.folder / "unknown", stills=True)
         listed = unknown_polygons(recording.folder / RECORDING_FILE, recording.camera_names)
         return cls(
             sizes,
             read_regions(recording.folder, recording.regions()),
-            paint_unknown(paths, recording.rig, recording.camera_names),
+            recording.painted_unknown(),
             {
                 name: [[(float(x), float(y)) for x, y in polygon] for polygon in polygons]
                 for name, polygons in listed.items()

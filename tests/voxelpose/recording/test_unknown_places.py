@@ -1,5 +1,6 @@
 """Unknown places of a recording: painted, drawn as polygons, and what is refused."""
 
+import shutil
 from pathlib import Path
 
 import cv2
@@ -81,10 +82,17 @@ def test_a_picture_of_another_size_is_refused(folder):
         unknown(folder)
 
 
-def test_a_camera_that_there_is_not_is_refused(folder):
-    painted(folder, "cam_9")
-    with pytest.raises(InputError, match=r"no camera 'cam_9': the recording has cam_1, cam_2"):
-        unknown(folder)
+@pytest.mark.parametrize("place", ["unknown", "regions", "background"])
+def test_pictures_of_a_camera_that_there_is_not_are_refused(folder, place):
+    painted(folder, "Cam_1-empty")
+    (folder / "unknown").rename(folder / place)
+    recording = Recording.without_frames(folder, ["cam_2"])
+    read = {"unknown": recording.unknown, "regions": recording.regions}
+    with pytest.raises(InputError, match=r"none of the cameras cam_1, cam_2: rename Cam_1-empty"):
+        read.get(place, recording.backgrounds)()
+    for name in ("cam_1", "cam_2"):
+        shutil.copy(folder / place / "Cam_1-empty.png", folder / place / f"{name}.png")
+    assert list(read.get(place, recording.backgrounds)()) == ["cam_2"]
 
 
 @pytest.mark.parametrize(
