@@ -17,8 +17,10 @@ _UNKNOWN = -(2**62)  # ticks, below which FFmpeg says that it does not know
 _AS_LONG = re.compile("Video: (ffv1|mpeg4)")  # they may spend as many bytes on what is repeated
 _ALIKE = "Video: mjpeg"  # it codes a picture in the same bytes again
 _SMALL = 10  # times smaller than the mean is a coded picture that may be the one before
+_SPAN = 15  # coded pictures, whose bytes together hardly vary where a budget is spent
 _HEADERS = 64  # bytes, of a coded picture in which nothing changes, at most
 _FIRST = ("-", "-map", "0:v:0", "-vf", "showinfo", "-frames:v", "1", "-f", "null")
+_FILMED = re.compile(r"com\.android\.capture\.fps\s*: ([\d.]+)")
 _FIELDS = re.compile(r"\bi:[TB]\b")  # of a picture, in the words of the filter showinfo
 
 
@@ -32,6 +34,8 @@ class CodedPictures:
     interlaced: bool = False  #: whether the first is flagged as two fields.
     may_repeat: bool = False
     """Whether some are coded in so few bytes, or so alike, that they may be those before them."""
+    filmed_fps: float | None = None
+    """Frames per second at which a telephone says that it filmed; None where it does not."""
 
 
 def coded_pictures(path: Path) -> CodedPictures:
@@ -40,8 +44,10 @@ def coded_pictures(path: Path) -> CodedPictures:
         table, words = _packets(path, "-copyts", *_FIRST)
     except (InputError, OSError):
         return CodedPictures()
+    filmed = _FILMED.search(words)
     coded = CodedPictures(
         len(table),
+        filmed_fps=None if filmed is None else float(filmed[1]),
         interlaced=_FIELDS.search(words) is not None,
         may_repeat=_may_repeat(table, words),
     )
@@ -64,9 +70,11 @@ def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
         return False
     small = _SMALL * (coded[:, 0] - _HEADERS) < coded[:, 0].mean()
     alike = (coded[1:] == coded[:-1]).all(axis=1)
-    # What codes each picture by itself, by a budget, spends as many bytes on a repeated one.
-    alone = coded[:, 2].all() and _ALIKE not in words
-    return bool(small.any() or alike.any() or alone or _AS_LONG.search(words))
+    # What codes each picture by itself, or by a budget, spends as many bytes on a repeated one.
+    spent = np.convolve(coded[:, 0], np.ones(_SPAN), "valid")
+    even = coded[:, 2].all() or _SMALL * spent.std() < spent.mean()
+    budget = even and _ALIKE not in words
+    return bool(small.any() or alike.any() or budget or _AS_LONG.search(words))
 
 
 def packets(path: Path, *words: str) -> NDArray[np.float64]:

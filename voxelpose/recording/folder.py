@@ -110,7 +110,7 @@ class Recording:
             notes = rig.notes
             rig = _select_cameras(rig, readers, calibration, cameras)
         readers = {name: readers[name] for name in rig.names}
-        notes += mask_notes + _notes_on_files(readers)
+        notes += mask_notes + _notes_on_files(readers, fps)
         whole = frames is None or frames[1] is None
         timed, time_notes = recorded_times(folder, readers, fps, together=whole)
         if not silhouettes_given:
@@ -325,19 +325,25 @@ def is_recording(folder: Path) -> bool:
     return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
 
 
-def _notes_on_files(readers: Mapping[str, FrameReader]) -> tuple[str, ...]:
-    """What files promise and do not hold, and which are interlaced."""
+def _notes_on_files(readers: Mapping[str, FrameReader], fps: float | None) -> tuple[str, ...]:
+    """What files promise and do not hold, which are interlaced, or slow motion of which no rate is
+    given.
+    """
     notes = tuple(
         f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
         + ("the recording ends with them" if reader.nearly_whole else "it seems to be damaged")
         for reader in readers.values()
         if reader.promised > reader.frame_count
     )
-    fields = ", ".join(name for name, reader in readers.items() if reader.interlaced)
-    if not fields:
-        return notes
-    words = "flagged as interlaced: where a picture's lines are of two moments, those of the first"
-    return *notes, f"{fields}: {words} are taken"
+    if fields := ", ".join(name for name, reader in readers.items() if reader.interlaced):
+        words = "flagged as interlaced: where a picture's lines are of two moments, those of the"
+        notes = *notes, f"{fields}: {words} first are taken"
+    filmed = {name: reader.filmed_fps or 0.0 for name, reader in readers.items() if fps is None}
+    if slow := [name for name in filmed if filmed[name] >= 2 * (readers[name].fps or np.inf)]:
+        rate = f"{filmed[slow[0]]:.4g}"
+        words = f"filmed at {rate} frames per second by what the file says, and plays slower"
+        notes = *notes, f"{', '.join(slow)} {words}: where it is slow motion, give --fps {rate}"
+    return notes
 
 
 def open_readers(

@@ -67,6 +67,8 @@ class FrameReader:
     a lens belongs to the sensor."""
     interlaced: bool = False  #: whether a video is flagged as interlaced, and read by FFmpeg.
     may_repeat: bool = False  #: whether the files tell that some frames may be those before them.
+    filmed_fps: float | None = None
+    """Frames per second at which the file says that it was filmed; None where it does not."""
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -233,6 +235,7 @@ def _probe(path: Path) -> dict[str, Any]:
         "shown_s": coded.shown_s if coded.count == count else None,
         "interlaced": coded.interlaced,
         "may_repeat": coded.may_repeat,
+        "filmed_fps": coded.filmed_fps,
     }
 
 

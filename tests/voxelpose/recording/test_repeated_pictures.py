@@ -9,6 +9,7 @@ import pytest
 from calib.errors import InputError
 from tests.voxelpose.recording.test_file_times import ffmpeg
 from tests.voxelpose.recording.test_interlaced import made_case
+from voxelpose.recording import ffmpeg as ffmpeg_files
 from voxelpose.recording.folder import Recording
 
 WIDTH, HEIGHT, COUNT = 96, 64, 24
@@ -52,6 +53,22 @@ def record(folder: Path, cameras: dict[str, list[float]], noise: float = 3, **ho
     for seed, (name, moments) in enumerate(cameras.items()):
         write(folder, name, film(moments, noise, seed), **how)
     return Recording.open(folder)
+
+
+def test_slow_motion_is_told(tmp_path: Path):
+    tag = ["-movflags", "use_metadata_tags", "-metadata", "com.android.capture.fps=120.000000"]
+    recording = record(tmp_path, {"cam_1": STEPS, "cam_2": STEPS}, words=[*X264, *tag])
+    (note,) = recording.notes
+    assert note.startswith("cam_1, cam_2 filmed at 120 frames per second by what the file says")
+    assert note.endswith("give --fps 120") and not Recording.open(tmp_path, fps=120).notes
+
+
+@pytest.mark.parametrize(("share", "asked"), [(0.05, True), (0.5, False)])
+def test_bytes_of_a_budget_tell_nothing_of_repeats(share: float, asked: bool):
+    numbers = np.arange(60)
+    spent = 5000 * (1 + share * np.sin(numbers / 9))
+    table = np.column_stack([numbers, numbers, spent, numbers, np.zeros(60)])
+    assert ffmpeg_files._may_repeat(table, "Video: h264") == asked
 
 
 STEPS = [float(k) for k in range(COUNT)]
