@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.camera import Rig
-from calib.files.fields import Source, brief, names_of_pictures
+from calib.files.fields import Source, brief, folder_with, names_of_pictures
 from calib.storage.documents import load_text
 
 _FILES = ("cameras.txt", "images.txt")
@@ -31,17 +31,14 @@ _MODELS = {
 
 def is_colmap(path: Path) -> bool:
     """Whether a path is the folder of a model or one of its two files."""
-    folder = path if path.is_dir() else path.parent
-    return (path.is_dir() or path.name in _FILES) and any(
-        (folder / name).is_file() for name in (*_FILES, *_BINARY)
-    )
+    return folder_with(path, (*_FILES, *_BINARY)) is not None
 
 
 def read_colmap(source: Source) -> Rig:
     """Reads the rig from the folder or either file in it. InputError where a file is missing or cut
     off, or a camera is of a model without an OpenCV lens.
     """
-    folder = source.path if source.path.is_dir() else source.path.parent
+    folder = folder_with(source.path, (*_FILES, *_BINARY)) or source.path
     for name in _FILES:
         if not (folder / name).is_file():
             raise source.error(

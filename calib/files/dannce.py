@@ -28,6 +28,8 @@ _COMPRESSED = 15
 _CELL, _STRUCT, _CHAR = 1, 2, 4
 _BEGIN = 128  # bytes before the first element
 _CAMERA = ("K", "r", "t", "RDistort", "TDistort")
+_DAMAGED = (ArithmeticError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
+_DAMAGED += (struct.error, zlib.error)
 
 
 def is_matlab(path: Path) -> bool:
@@ -100,9 +102,7 @@ def _load_matlab(source: Source, wanted: Collection[str]) -> dict[str, Any]:
                 inner = next(_elements(whole, order))[1]
             name, value = _variable(inner, order, wanted)
             content[name] = value
-    except (ArithmeticError, LookupError, RecursionError, StopIteration, TypeError, ValueError):
-        content = {}
-    except (struct.error, zlib.error):
+    except _DAMAGED:
         content = {}
     if not content:
         raise source.error("is no MATLAB file that can be read: save it again")

@@ -14,7 +14,7 @@ from typing import Any
 
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.files.fields import Source, five_distortion_numbers
+from calib.files.fields import Source, five_distortion_numbers, folder_with
 from calib.files.file_storage import dump_storage, load_storage
 from calib.rotation import rodrigues_from_matrix
 from calib.storage.atomic import replacing, unwritable
@@ -24,17 +24,14 @@ _FILES = ("intri.yml", "extri.yml")
 
 def is_easymocap(path: Path) -> bool:
     """Whether a path is EasyMocap's folder or one of its two files."""
-    folder = path if path.is_dir() else path.parent
-    return (path.is_dir() or path.name in _FILES) and any(
-        (folder / name).is_file() for name in _FILES
-    )
+    return folder_with(path, _FILES) is not None
 
 
 def read_easymocap(source: Source) -> Rig:
     """Reads the rig from the folder or either file in it. InputError where a file is missing, or a
     camera in it is incomplete or wrong.
     """
-    folder = source.path if source.path.is_dir() else source.path.parent
+    folder = folder_with(source.path, _FILES) or source.path
     folder_source = replace(source, path=folder)
     missing = [name for name in _FILES if not (folder / name).is_file()]
     if missing:

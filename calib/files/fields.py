@@ -270,6 +270,14 @@ def camera_values(camera: Camera) -> dict[str, Any]:
     }
 
 
+def folder_with(path: Path, names: Sequence[str]) -> Path | None:
+    """The folder that holds any of the files of a calibration, of its path or that of one of
+    them; None where it is none of these.
+    """
+    folder = path if path.is_dir() else path.parent if path.name in names else None
+    return folder if folder and any((folder / name).is_file() for name in names) else None
+
+
 def names_of_pictures(pictures: Sequence[str]) -> list[str]:
     """Names of cameras by their pictures: the file names without endings, or where those repeat
     (cam_1/0001.png, cam_2/0001.png) the folders'.

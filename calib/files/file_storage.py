@@ -56,8 +56,7 @@ def load_storage(path: Path) -> dict[str, Any]:
     start = text.lstrip()[:1]
     if start == "<":
         root = parse_xml(text.replace("&quot;", _QUOTE), path)
-        tree = _from_xml(root, path) if root.tag == "opencv_storage" else None
-        tree = {} if root.tag == "opencv_storage" and tree is None else tree
+        tree = (_from_xml(root, path) or {}) if root.tag == "opencv_storage" else None
     elif start in ("{", "["):
         tree = parse_json(_JSON_DIALECT.sub(_plain_json, text), path)
     else:

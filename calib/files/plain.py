@@ -29,13 +29,8 @@ def read_json(source: Source) -> Rig:
     """
     content: dict[str, Any] = parse_json(load_text(source.path), source.path)
     cameras = content["cameras"]
-    named = (
-        list(cameras.items())
-        if isinstance(cameras, dict)
-        else list(enumerate(cameras))
-        if isinstance(cameras, list)
-        else []
-    )
+    listed = cameras if isinstance(cameras, list) else []
+    named = [*(cameras.items() if isinstance(cameras, dict) else enumerate(listed))]
     if not all(isinstance(values, dict) for _, values in named):
         raise source.error(
             "cameras must be a list of objects with name, size, matrix, distortions, rotation and"

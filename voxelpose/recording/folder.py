@@ -159,13 +159,8 @@ class Recording:
         calibration = calibration_path(folder)
         if calibration is None:
             raise _no_calibration(folder)
-        rig = read_rig(calibration, unit, cameras=cameras)
-        for name in cameras or ():
-            if name not in rig:
-                known = ", ".join(rig.names)
-                raise InputError(f"there is no camera {name}: {calibration} knows {known}")
-        names = rig.names
-        rig = rig.select([name for name in names if cameras is None or name in cameras])
+        whole = read_rig(calibration, unit, cameras=cameras)
+        names, rig = whole.names, _chosen(whole, calibration, cameras)
         subject = read_subject(folder / "subject.toml")
         up = read_up(calibration)
         none = np.zeros(0)
@@ -433,7 +428,6 @@ def _select_cameras(
     rig: Rig, readers: Mapping[str, FrameReader], calibration: Path, cameras: Sequence[str] | None
 ) -> Rig:
     """Returns the cameras to use, each with a calibration and a video of the calibrated size."""
-    requested = list(rig.names) if cameras is None else list(cameras)
     filmed, calibrated = ", ".join(readers), ", ".join(rig.names)
     others = {name: reader.path for name, reader in readers.items() if name not in rig}
     renamed = renaming(others, [name for name in rig.names if name not in readers])
@@ -442,20 +436,29 @@ def _select_cameras(
         raise InputError(
             f"camera {name} has no calibration: {calibration} knows {calibrated}; {remedy}"
         )
-    for name in requested:
-        if name not in rig:
+    chosen = _chosen(rig, calibration, cameras)
+    for camera in chosen:
+        reader = readers.get(camera.name)
+        if reader is None:
             raise InputError(
-                f"there is no camera {name}, of --cameras: {calibration} knows {calibrated}"
+                f"camera {camera.name} of {calibration} has no video (found: {filmed}): add it, or"
+                f" choose with --cameras{not_read(calibration.parent, ' ({})')}"
             )
-        if name not in readers:
-            raise InputError(
-                f"camera {name} of {calibration} has no video (found: {filmed}): add it, or choose"
-                f" with --cameras{not_read(calibration.parent, ' ({})')}"
-            )
-        if readers[name].size != rig[name].size:
+        if reader.size != camera.size:
             remedy = "calibrate at the size of the recording"
-            raise other_size(readers[name].path, readers[name].size, rig[name], remedy)
-    return rig.select([name for name in rig.names if name in requested])
+            raise other_size(reader.path, reader.size, camera, remedy)
+    return chosen
+
+
+def _chosen(rig: Rig, calibration: Path, cameras: Sequence[str] | None) -> Rig:
+    """The cameras of these names, all for None. InputError where one is not calibrated."""
+    for name in cameras or ():
+        if name not in rig:
+            known = ", ".join(rig.names)
+            raise InputError(
+                f"there is no camera {name}, of --cameras: {calibration} knows {known}"
+            )
+    return rig.select([name for name in rig.names if cameras is None or name in cameras])
 
 
 def _frame_range(

@@ -39,6 +39,8 @@ _LARGEST_BYTES = 8 * _MOST_PX
 _FEW_FRAMES, _FEW_PERCENT = 3, 2  # frames, or share of them, that files promise and lack
 _DEEP = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH
 _ORIENTATION = 0x0112  # of EXIF
+UNREADABLE = (OSError, ValueError, SyntaxError, EOFError, struct.error, KeyError, TypeError)
+"""What Pillow raises where it cannot read a file."""
 _ASKED = 16  # images of a sequence whose brightest values tell its bits
 _SPARSE = 32  # rows of a picture, of which one is compared with the picture before
 _AHEAD = 3  # frames that a camera may be read ahead of the others
@@ -248,8 +250,7 @@ def turned_differently(stills: Sequence[Path]) -> bool:
 
 def _orientation(file: Path) -> int:
     """Number by which EXIF data turn an image; 1: they do not."""
-    unreadable = suppress(OSError, ValueError, SyntaxError, EOFError, struct.error, KeyError)
-    with unreadable, _pillow().open(file) as image:
+    with suppress(*UNREADABLE), pillow().open(file) as image:
         # Pillow would read all of a PNG to look for them.
         if image.format != "PNG" or "exif" in image.info:
             return int(image.getexif().get(_ORIENTATION, 1))
@@ -291,15 +292,13 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
     """Whether an image says that it is of a size that a camera's may have, before it is decoded:
     few bytes may decode to gigabytes. InputError where it is too large.
     """
-    pillow = _pillow()
     try:
-        with pillow.open(
-            BytesIO(data.tobytes())
-        ) as image:  # not the file: a network drive opens it slowly
+        # Not the file: a network drive opens it slowly.
+        with pillow().open(BytesIO(data.tobytes())) as image:
             size = image.size
-    except pillow.DecompressionBombError:
+    except pillow().DecompressionBombError:
         size = None
-    except (OSError, ValueError, SyntaxError, EOFError, struct.error):
+    except UNREADABLE:
         # Pillow does not know all TIFF files that OpenCV decodes.
         return file.suffix.lower() in (".tif", ".tiff")
     if size is None or size[0] * size[1] > _MOST_PX:
@@ -311,7 +310,7 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
 
 
 @cache
-def _pillow() -> Any:
+def pillow() -> Any:
     """Pillow, loaded with the first image, without its warnings: what matters is told here."""
     from PIL import Image
 

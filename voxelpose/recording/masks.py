@@ -7,6 +7,7 @@ Opacity counts where it varies, else the values: of any type and scale, labels o
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from calib.moments import even_moments
 from voxelpose.recording.ffmpeg import video_address, words_on
-from voxelpose.recording.frame_reader import Frame, FrameReader, read_image
+from voxelpose.recording.frame_reader import UNREADABLE, Frame, FrameReader, pillow, read_image
 from voxelpose.recording.mask_levels import (
     Layers,
     MaskForm,
@@ -160,13 +161,9 @@ def may_be_transparent(reader: FrameReader) -> bool:
 
 
 def _has_alpha(file: Path) -> bool:
-    from PIL import Image
-
-    try:
-        with Image.open(file) as image:
-            return "A" in image.getbands() or "transparency" in image.info
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-        return False
+    with suppress(*UNREADABLE, pillow().DecompressionBombError), pillow().open(file) as image:
+        return "A" in image.getbands() or "transparency" in image.info
+    return False
 
 
 def painted(path: Path) -> NDArray[np.bool_]:
@@ -202,17 +199,15 @@ def _palette_numbers(file: Path) -> NDArray[np.uint8] | None:
     """Numbers (H, W) of the palette's colours; None where there is none, where it is grey or
     transparent, or where it has as many colours as pictures have.
     """
-    from PIL import Image
-
     if file.suffix.lower() not in (".png", ".bmp", ".tif", ".tiff"):
         return None
     try:
-        with Image.open(file) as image:
+        with pillow().open(file) as image:
             if image.mode != "P" or "transparency" in image.info:
                 return None
             numbers = np.asarray(image)
             palette = np.array(image.getpalette()).reshape(-1, 3)
-    except (OSError, ValueError, SyntaxError, TypeError):
+    except UNREADABLE:
         return None
     used = np.unique(numbers)
     colours = palette[used[used < len(palette)]]

@@ -23,9 +23,7 @@ _LOWEST_HZ = 300  # hum, wind and steps are below
 
 def has_sound(path: Path) -> bool:
     """Whether a file is a video with sound."""
-    if not path.is_file():
-        return False
-    return "Audio:" in words_on(path)
+    return path.is_file() and "Audio:" in words_on(path)
 
 
 def onsets(path: Path, camera: str, seconds: float) -> Signal:
