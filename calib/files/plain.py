@@ -86,12 +86,9 @@ def read_projections(source: Source) -> Rig:
     matrices = content["projections"]
     if not isinstance(matrices, list):
         raise source.error("projections must be a list of 3x4 matrices")
-    names = _entries(source, content, "names", len(matrices)) or [
-        f"cam_{index}" for index in range(len(matrices))
-    ]
-    sizes = _entries(source, content, "sizes", len(matrices)) or [content.get("size")] * len(
-        matrices
-    )
+    count = len(matrices)
+    names = _entries(source, content, "names", count) or [f"cam_{k}" for k in range(count)]
+    sizes = _entries(source, content, "sizes", count) or [content.get("size")] * count
     metres = source.metres_per_unit(content.get("unit"), 'add "unit": "m"')
     cameras = []
     for name, size, values in zip(names, sizes, matrices, strict=True):

@@ -37,10 +37,7 @@ _SUBPIXELS = 64
 _FILMING = re.compile(r"video|hybrid|colou?r|\dc\b", re.IGNORECASE)
 _FLIP = np.diag([1, -1, -1])
 _DISTORTION = (
-    "radialDistortion1",
-    "radialDistortion2",
-    "tangentalDistortion1",
-    "tangentalDistortion2",
+    *("radialDistortion1", "radialDistortion2", "tangentalDistortion1", "tangentalDistortion2"),
     "radialDistortion3",
 )
 _LENS = ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV")
