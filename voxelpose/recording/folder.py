@@ -160,13 +160,10 @@ class Recording:
         if calibration is None:
             raise _no_calibration(folder)
         whole = read_rig(calibration, unit, cameras=cameras)
-        names, rig = whole.names, _chosen(whole, calibration, cameras)
+        rig, up = _chosen(whole, calibration, cameras), read_up(calibration)
+        settings = folder, calibration, rig, {}, 0, 0, 1.0, np.zeros(0)
         subject = read_subject(folder / "subject.toml")
-        up = read_up(calibration)
-        none = np.zeros(0)
-        return cls(
-            folder, calibration, rig, {}, 0, 0, 1.0, none, subject, up=up, camera_names=names
-        )
+        return cls(*settings, subject, up=up, camera_names=whole.names)
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, Frame]]]:
         """Yields the frame number, its time in seconds, and (H, W, 3) uint8 BGR by camera name.
@@ -240,18 +237,15 @@ class Recording:
 
         What is opaque in a layer, else what is not black, is where the person may be.
         """
-        return {
-            name: read_painting(path, self.rig[name], "draw it on a frame")
-            for name, path in self._pictures_in("regions").items()
-        }
+        return self.paintings("regions")
 
-    def painted_unknown(self) -> UnknownMasks:
-        """Returns where nothing is known, (H, W) bool, of the cameras that have a picture of it in
-        unknown/. InputError as of `unknown`.
+    def paintings(self, subfolder: str) -> dict[str, NDArray[np.bool_]]:
+        """Returns what is painted, (H, W) bool, in a subfolder's pictures by camera in use.
+        InputError where one cannot be read, differs in size from the camera, or is of none.
         """
         return {
-            name: read_painting(path, self.rig[name], "paint it on a frame of the video")
-            for name, path in self._pictures_in("unknown").items()
+            name: read_painting(path, self.rig[name])
+            for name, path in self._pictures_in(subfolder).items()
         }
 
     def unknown(self) -> UnknownMasks:
@@ -259,7 +253,7 @@ class Recording:
         in unknown/ or recording.toml. InputError where a file cannot be read, does not fit its
         camera, or names none.
         """
-        masks = self.painted_unknown()
+        masks = self.paintings("unknown")
         drawn = unknown_polygons(self.folder / RECORDING_FILE, self.camera_names)
         for name in drawn.keys() & set(self.rig.names):
             mask = painted_mask(drawn[name], self.rig[name].size)

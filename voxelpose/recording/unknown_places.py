@@ -24,16 +24,13 @@ UnknownMasks = dict[str, NDArray[np.bool_]]
 """(H, W) bool by camera name, where nothing is known."""
 
 
-def read_painting(path: Path, camera: Camera, remedy: str) -> NDArray[np.bool_]:
+def read_painting(path: Path, camera: Camera) -> NDArray[np.bool_]:
     """What is painted (H, W) in a picture that marks places in a camera's pictures. InputError
     where it cannot be read or differs in size from the camera.
-
-    Args:
-        remedy: what to do about a picture of another size, for messages.
     """
     mask = painted(path)
     if mask.shape[::-1] != camera.size:
-        raise other_size(path, mask.shape[::-1], camera, remedy)
+        raise other_size(path, mask.shape[::-1], camera, "paint it on a frame of the video")
     return mask
 
 

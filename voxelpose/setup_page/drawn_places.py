@@ -144,7 +144,7 @@ class PlaceFiles:
         return cls(
             sizes,
             read_regions(recording.folder, recording.regions()),
-            recording.painted_unknown(),
+            recording.paintings("unknown"),
             {
                 name: [[(float(x), float(y)) for x, y in polygon] for polygon in polygons]
                 for name, polygons in listed.items()
