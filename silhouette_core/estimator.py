@@ -21,6 +21,7 @@ from calib.checks import BoolArray, ByteArray, FloatArray
 from calib.errors import InputError
 from silhouette_core.entry_points import load_registered
 from silhouette_core.motion.conditioning import Conditioning
+from silhouette_core.motion.pose import JointTarget
 from silhouette_core.progress import Reporter
 from silhouette_core.setting_types import (
     BackgroundKind,
@@ -34,6 +35,7 @@ from silhouette_core.setting_types import (
 
 if TYPE_CHECKING:
     from calib.camera import Rig
+    from calib.upright import UprightFrame
     from silhouette_core.motion.motion import Motion
 
 GROUP = "silhouette_core.estimators"
@@ -126,6 +128,7 @@ class Settings:
 
     people: tuple[KnownPerson, ...] = ()
     """What is known of several people, in the order of their numbers; of others nothing is."""
+    targets: tuple[JointTarget, ...] = ()  #: Joints of one person that were set by hand.
 
     def of_person(self, number: int) -> Settings:
         """The same of one of several people, counted from 0: with what is known of that one."""
@@ -137,7 +140,15 @@ class Settings:
     def of_anybody(self) -> Settings:
         """The same where several people are estimated: without what is one person's."""
         options = {name: value for name, value in self.options.items() if name != "body"}
-        return replace(self, stature_m=None, chest_m=None, sex="unknown", options=options)
+        return replace(
+            self, stature_m=None, chest_m=None, sex="unknown", options=options, targets=()
+        )
+
+    def upright_targets(self, frame: UprightFrame) -> tuple[JointTarget, ...]:
+        """The joints that were set, in an upright frame."""
+        return tuple(
+            replace(one, place_m=tuple(frame.points(one.place_m).tolist())) for one in self.targets
+        )
 
     @property
     def applied_conditioning(self) -> Conditioning:

@@ -22,6 +22,8 @@ Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1], description=
 Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1], description="metres")]
 VoxelSize = Annotated[float, Meta(ge=VOXELS_M[0], le=VOXELS_M[1], description="metres")]
 Tolerance = Annotated[int, Meta(ge=0, le=100, description="cameras")]
+Coordinate = Annotated[float, Meta(ge=-(10**6), le=10**6, description="metres")]
+FrameNumber = Annotated[int, Meta(ge=0, le=10_000_000)]
 Threads = Annotated[int, Meta(ge=1, le=100_000)]
 Sex = Literal["male", "female", "unknown"]
 Repair = Literal["auto", "say", "off"]  #: See `voxelpose.multiview.multiview_estimator`.
@@ -33,6 +35,7 @@ BackgroundKind = Literal["auto", "uniform", "moving", "paper"]
 """What the background of a camera without an empty view is taken from: a uniform backdrop where one
 is recognised (`auto`), one that is known to be uniform (`uniform`), or what shows where the person
 is not (`moving`). `paper`: as `auto`, silhouettes as in Okada and Stenger 5.1."""
+Limbs = Literal["arms", "legs"]
 SkeletonName = Literal["voxelpose", "mixamo", "rigify", "unreal", "unity", "vrm"]
 """Skeletons of exported files: our own, and those of other programs."""
 Start = Literal["facing", "any"]

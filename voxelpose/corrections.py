@@ -17,15 +17,16 @@ from calib.storage.atomic import write_whole
 from calib.storage.documents import load_text, parse_json
 from silhouette_core.motion.conditioning import as_estimated, conditioned, quality_with_filled
 from silhouette_core.motion.dynamics import is_person_tree
-from silhouette_core.motion.heading import turned_half_round
+from silhouette_core.motion.heading import limbs_exchanged, turned_half_round
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import read_motion
+from silhouette_core.motion.pose import JointTarget
+from silhouette_core.setting_types import FrameNumber, Limbs
 
 CORRECTIONS = "corrections.json"
 _LARGEST_BYTES = _LAST = 10_000_000
-_Frame = Annotated[int, Meta(ge=0, le=_LAST)]
 _Person = Annotated[int, Meta(ge=1, le=100)]
-_Range = tuple[_Frame, _Frame]  # the first frame, and one past the last
+_Range = tuple[FrameNumber, FrameNumber]  # the first frame, and one past the last
 
 
 class Trim(msgspec.Struct, tag="trim", frozen=True, forbid_unknown_fields=True):
@@ -46,14 +47,16 @@ class Trim(msgspec.Struct, tag="trim", frozen=True, forbid_unknown_fields=True):
 
 
 class ExchangeSides(msgspec.Struct, tag="sides", frozen=True, forbid_unknown_fields=True):
-    """Left and right of a person exchanged over a range of frames."""
+    """Left and right of a person, or of limbs alone, exchanged over a range of frames."""
 
     frames: _Range
     person: _Person | None = None  # of several
+    limbs: Limbs | None = None  # None: the whole body is turned half round
 
     def __str__(self) -> str:
+        what = f" {self.limbs}" if self.limbs else ""
         whose = f" of person {self.person}" if self.person else ""
-        return f"left and right{whose} exchanged in {_range_text(self.frames)}"
+        return f"left and right{what}{whose} exchanged in {_range_text(self.frames)}"
 
     def is_of(self, people: set[int]) -> bool:
         """Whether it changes the motion of one of some people."""
@@ -67,14 +70,18 @@ class ExchangeSides(msgspec.Struct, tag="sides", frozen=True, forbid_unknown_fie
             raise InputError(f"there is no pose in {_range_text(self.frames)}: choose other frames")
         if not is_person_tree(motion.model.tree):
             raise InputError("this body is no person's: it has no left and right to exchange")
-        turned = turned_half_round(motion, rows)
+        turned = (
+            turned_half_round(motion, rows)
+            if self.limbs is None
+            else limbs_exchanged(motion, rows, self.limbs)
+        )
         return [turned if one is motion else one for one in people]
 
 
 class ExchangePeople(msgspec.Struct, tag="people", frozen=True, forbid_unknown_fields=True):
     """Two people exchanged from a frame on: the bodies stay, the poses change over."""
 
-    first_frame: _Frame
+    first_frame: FrameNumber
     people: tuple[_Person, _Person] = (1, 2)
 
     def __str__(self) -> str:
@@ -98,14 +105,19 @@ class ExchangePeople(msgspec.Struct, tag="people", frozen=True, forbid_unknown_f
 
 
 class FitAgain(msgspec.Struct, tag="fit again", frozen=True, forbid_unknown_fields=True):
-    """A range of frames fitted again without a camera; the poses are in a file beside."""
+    """A range of frames fitted again without a camera, or with joints where somebody set them; the
+    poses are in a file beside.
+    """
 
-    camera: Annotated[str, Meta(min_length=1, max_length=200)]
     frames: _Range
     poses: Annotated[str, Meta(pattern=r"^fitted_again_\d{1,6}\.safetensors$")]
+    camera: Annotated[str, Meta(max_length=200)] = ""
+    targets: tuple[JointTarget, ...] = ()
 
     def __str__(self) -> str:
-        return f"{_range_text(self.frames)} fitted again without {self.camera}"
+        ways = [f"without {self.camera}"] if self.camera else []
+        ways += [f"with {one.joint} set in frame {one.frame}" for one in self.targets]
+        return f"{_range_text(self.frames)} fitted again {' and '.join(ways)}"
 
     def is_of(self, people: set[int]) -> bool:
         """Whether it changes the motion of one of some people."""

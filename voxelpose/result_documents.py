@@ -63,7 +63,7 @@ def settings_document(
     if recording.silhouettes_given:
         given.pop("background")
     for name, value in given.items():
-        if value is not None:
+        if value not in (None, ()):
             document[name] = value
     document["conditioning"] = {name: v for name, v in conditioning.items() if v is not None}
     document["options"] = dict(options)

@@ -292,6 +292,11 @@ def correct(folder: Path, corrections: Sequence[Correction]) -> None:
     write_corrections(folder, corrections)
 
 
+def is_corrected(folder: Path) -> bool:
+    """Whether a result in a folder, or below it, is corrected by hand."""
+    return any(True for _ in folder.rglob(CORRECTIONS))
+
+
 def names_of(results: Sequence[Result]) -> list[str]:
     """Names of people, as they were told, else as of their folders; of one alone that is known."""
     known: list[Any] = [one.settings.get("people") or [{}] for one in results]
@@ -368,3 +373,12 @@ class ResultWriter(FolderWriter):
         if keep_out_of is not None and target.is_relative_to(keep_out_of.resolve()):
             raise InputError(f"{out} lies in the recording {keep_out_of}: give --out another place")
         super().__init__(out, overwrite, is_result)
+
+    def _check(self, out: Path) -> None:
+        """Refuses to replace work by hand, too, whenever it was done."""
+        super()._check(out)
+        if is_corrected(out):
+            raise InputError(
+                f"{out} is corrected by hand, which would be lost: choose another name, or take the"
+                f" corrections back with `voxelpose correct {out} --undo all`"
+            )

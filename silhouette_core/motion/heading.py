@@ -1,6 +1,7 @@
 """Headings and tilts of orientations, turns, and mirror images of motions."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -8,7 +9,20 @@ from calib.checks import BoolArray, FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES, exchanged_sides
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.conditioning import quality_with_filled
+from silhouette_core.motion.inverse_kinematics import Targets
 from silhouette_core.motion.motion import Motion
+from silhouette_core.setting_types import Limbs
+from silhouette_core.tuning import RETARGETING
+
+_ARM, _LEG = (
+    "{0}_upper_arm {0}_forearm {0}_hand {0}_fingers",
+    "{0}_thigh {0}_shin {0}_foot {0}_toes",
+)
+_CHAINS = {
+    "arms": ("upper_thorax left_clavicle right_clavicle", _ARM, _ARM),
+    "legs": ("pelvis", _LEG, _LEG),
+}
+"""Parts of limbs: those that carry both, from the trunk on, and those of either side."""
 
 
 def split_heading(root_quaternion: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -89,8 +103,42 @@ def turned_half_round(motion: Motion, rows: BoolArray) -> Motion:
         motion,
         root_quaternion=np.where(each, half_round, motion.root_quaternion),
         angles_rad=np.where(np.broadcast_to(each, (len(rows), count)), angles, motion.angles_rad),
-        quality=quality_with_filled(
-            rows, {name: array[~rows] for name, array in motion.quality.items()}
-        ),
+        quality=_unknown(motion, rows),
     )
     return turned.standing_at(motion.landmarks())
+
+
+def limbs_exchanged(motion: Motion, rows: BoolArray, limbs: Limbs) -> Motion:
+    """A person's motion as estimated whose arms or legs are, in some rows (T,) bool, each where
+    that of the other side was, as far as its joints allow; the trunk stays. The quality of these
+    rows is unknown: NaN, False or 0.
+    """
+    some, model = motion.select(np.flatnonzero(rows)), motion.model
+    (rotation, origin), angles = some.parts(), motion.angles_rad.copy()
+    carrying, *sides = (
+        [model.names.index(part) for part in text.format(side).split()]
+        for text, side in zip(_CHAINS[limbs], ("", "left", "right"), strict=True)
+    )
+    columns = np.flatnonzero(np.isin(model.tree.dof_part, sides))
+    starts = [[side[0], *other[1:]] for side, other in (sides, sides[::-1])]
+    starts_m = [origin[:, each] for each in starts]
+    for _ in range(2):  # a part begins where the one before it ends, which is known after a round
+        targets = Targets(model)
+        for part in carrying:
+            for axis in np.eye(3):
+                targets.add(model.names[part], axis, rotation[:, part] @ axis, RETARGETING.still)
+        for side, other, start_m in zip(sides, sides[::-1], starts_m, strict=True):
+            for k, (part, end) in enumerate(pairwise(side)):
+                way = origin[:, other[k + 1]] - start_m[:, k]
+                way /= np.linalg.norm(way, axis=1, keepdims=True)
+                bone = model.joints_m[end] - model.joints_m[part]
+                targets.add(model.names[part], bone, way, 1.0)
+        angles[np.ix_(rows, columns)] = targets.angles(rotation[:, carrying[0]])[:, columns]
+        placed = replace(some, angles_rad=angles[rows]).parts()[1]
+        starts_m = [placed[:, side] for side in sides]
+    return replace(motion, angles_rad=angles, quality=_unknown(motion, rows))
+
+
+def _unknown(motion: Motion, rows: BoolArray) -> dict[str, np.ndarray]:
+    """Quality of a motion without that of some rows."""
+    return quality_with_filled(rows, {name: one[~rows] for name, one in motion.quality.items()})

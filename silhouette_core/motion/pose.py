@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from silhouette_core.body.joints import HUMAN
+from silhouette_core.setting_types import Coordinate, FrameNumber
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,15 @@ class Pose:
     def clipped(self, limits_rad: np.ndarray = HUMAN.dof_limits_rad) -> "Pose":
         """Pose with every angle clipped to its limits (D, 2), by default those of a person."""
         return Pose(self.root_m, self.root_rotation, np.clip(self.angles_rad, *limits_rad.T))
+
+
+@dataclass(frozen=True)
+class JointTarget:
+    """Where a joint is in a frame, as somebody set it by hand."""
+
+    joint: str  #: one of `KinematicTree.landmark_names`.
+    frame: FrameNumber
+    place_m: tuple[Coordinate, Coordinate, Coordinate]  #: in the world.
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,6 @@
-"""Prior of the joints' positions, as a proposal of poses gives it, for the refinement."""
+"""Prior of the joints' positions for the refinement: as a proposal of poses gives it, and of joints
+that somebody set by hand.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,9 +10,12 @@ import numpy as np
 from calib.checks import FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
+from silhouette_core.motion.kinematics import landmarks
+from silhouette_core.motion.pose import JointTarget
+from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.kernels.steps import add_landmark_terms
 from silhouette_core.refinement.surface import PosedSurface, point_jacobian
-from silhouette_core.tuning import REFINEMENT
+from silhouette_core.tuning import REFINEMENT, TRAJECTORY
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,38 @@ def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> FloatArray:
     index, direction = np.repeat(np.arange(count), 3), np.tile(np.eye(3), (count, 1))
     rows = point_jacobian(model, posed, rest, index, direction)
     return rows.reshape(count, 3, -1)
+
+
+def target_gaps(
+    model: BodyModel, landmarks_m: FloatArray, targets: Sequence[JointTarget]
+) -> tuple[list[int], FloatArray]:
+    """Landmarks of n targets, and how far (K, n, 3) those of K poses (K, L, 3) are from them."""
+    index = [model.tree.landmark_names.index(one.joint) for one in targets]
+    places = np.array([one.place_m for one in targets]).reshape(-1, 3)
+    return index, landmarks_m[:, index] - places
+
+
+def target_costs(
+    model: BodyModel, landmarks_m: FloatArray, targets: Sequence[JointTarget]
+) -> FloatArray:
+    """Costs (K,), nats, of poses with landmarks (K, L, 3) that are not where somebody set them."""
+    _, gaps = target_gaps(model, landmarks_m, targets)
+    return 0.5 * (gaps**2).sum(axis=(1, 2)) / TRAJECTORY.target_m**2
+
+
+def add_targets(
+    matrix: FloatArray,
+    gradient: FloatArray,
+    model: BodyModel,
+    posed: PosedSurface,
+    targets: Sequence[JointTarget],
+) -> None:
+    """Adds what `target_costs` counts to the normal equations (n, n) and (n,) of a pose."""
+    joints = landmarks(model, posed.part_rotation[None], posed.part_origin[None])
+    index, gaps = target_gaps(model, joints, targets)
+    rows = landmark_jacobian(model, posed)[index].reshape(-1, len(gradient))
+    weight = np.full(len(rows), TRAJECTORY.target_m**-2)
+    add_normal_equations(rows, weight, gaps.ravel(), matrix, gradient)
 
 
 def add_landmark_priors(

@@ -15,13 +15,14 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.jit import one_thread
 from silhouette_core.motion.dynamics import FPS, pose_step_sigma
 from silhouette_core.motion.kinematics import landmarks
-from silhouette_core.motion.pose import Pose, PoseArrays, steps_of
+from silhouette_core.motion.pose import JointTarget, Pose, PoseArrays, steps_of
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.kernels.steps import move_poses
 from silhouette_core.refinement.landmark_prior import (
     LandmarkPrior,
     add_landmark_priors,
+    add_targets,
     landmark_arrays,
     landmark_jacobian,
 )
@@ -51,6 +52,7 @@ class FrameEvidence:
     scale: float = 1.0
     """Factor on the standard deviation of contour residuals, of a frame whose silhouettes are worse
     than usual."""
+    targets: Sequence[JointTarget] = ()  #: joints that somebody set by hand.
 
 
 def fit_trajectory(
@@ -175,6 +177,8 @@ def _own_terms(
             add_silhouettes(surface, one, observation, reach, scaled, matrix[rows], gradient[rows])
             if floor:
                 _add_floor(matrix[t], gradient[t], surface, posed[t])
+        if frames[t].targets:
+            add_targets(matrix[t], gradient[t], model, posed[t], frames[t].targets)
 
     for _ in side_by_side(add, range(count)):
         pass

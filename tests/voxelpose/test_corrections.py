@@ -1,23 +1,32 @@
 """Corrections by hand: beside the estimate, in all that reads a result, and taken back."""
 
 import json
+import shlex
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
 
 from calib.errors import InputError
-from silhouette_core.body.joints import EXCHANGED_LANDMARKS
+from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES
 from silhouette_core.motion.conditioning import Conditioning, conditioned
-from silhouette_core.motion.heading import turned_half_round
+from silhouette_core.motion.heading import limbs_exchanged, turned_half_round
 from silhouette_core.motion.kinematics import landmarks
 from silhouette_core.motion.motion_file import read_motion, write_motion
 from tests.clips import walking, waving, waving_couple
 from tests.sources import ring, write_staged
 from voxelpose.cli import run
-from voxelpose.corrections import ExchangePeople, ExchangeSides, Trim, corrected_motions
+from voxelpose.corrections import (
+    ExchangePeople,
+    ExchangeSides,
+    Trim,
+    corrected_motions,
+    write_corrections,
+)
 from voxelpose.reliability import findings_of, verdict_of
 from voxelpose.results import Result, correct, open_people
 from voxelpose.view.serving.gate import Address
@@ -39,6 +48,31 @@ def test_half_a_turn_puts_every_joint_where_that_of_the_other_side_was():
     assert ((low <= bent.angles_rad[3:]) & (bent.angles_rad[3:] <= high)).all()
     assert np.isnan(turned.quality["joint_error_mm"][3:]).all()
     assert (bent.landmark_confidence()[3:] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("limbs", "ends", "most"), [("arms", "elbow wrist", 0.6), ("legs", "knee ankle", 0.3)]
+)
+def test_limbs_change_sides_while_the_trunk_stays(limbs, ends, most):
+    """As far as joints allow: arms hang on their own shoulders."""
+    motion = walking(8)
+    angles, names = motion.angles_rad.copy(), motion.model.tree.dof_names
+    for angle, degrees in (("forward", 60), ("abduction", -20)):  # both arms before the body
+        for side in ("left", "right"):
+            angles[:, names.index(f"{side}_upper_arm.{angle}")] = np.radians(degrees)
+    motion = replace(motion, angles_rad=angles)
+    found = limbs_exchanged(motion, np.arange(8) >= 3, limbs)
+    before, after = motion.landmarks(), found.landmarks()
+    moved = np.array([name.endswith(tuple(ends.split())) for name in LANDMARK_NAMES])
+    assert np.array_equal(after[:3], before[:3])
+    assert np.abs(after[:, ~moved] - before[:, ~moved]).max() < 1e-9
+    wanted = before[3:, EXCHANGED_LANDMARKS]
+    far_m, apart_m = (
+        np.linalg.norm(wanted - one[3:], axis=2)[:, moved].mean() for one in (after, before)
+    )
+    assert far_m < most * apart_m
+    words = f"left and right {limbs} exchanged in frames 3–7"
+    assert str(ExchangeSides((3, 8), limbs=limbs)) == words
 
 
 def test_what_was_wrong_is_not_filtered_into_what_was_right():
@@ -173,6 +207,22 @@ def test_a_range_is_fitted_again_without_a_camera(desk, capsys):
     assert np.array_equal(after.root_m[0], before.root_m[0])
     moved_m = after.landmarks()[1:].mean(axis=1) - waving(4).landmarks()[2:].mean(axis=1)
     assert np.abs(moved_m).max() < 1e-6
+    # This estimator does as it likes: where it has a joint, that can be set, and nowhere else.
+    joints_m = read_motion(desk / "out" / "fitted_again_1.safetensors").landmarks()[0]
+    place = "{:.3f} {:.3f} {:.3f}".format(*joints_m[LANDMARK_NAMES.index("left_wrist")])
+    assert run(["correct", "out", "--set-joints", f"left_wrist 2 {place}"]) == 0
+    words = "2  frame 2 fitted again without cam_2 and with left_wrist set in frame 2"
+    assert words in capsys.readouterr().out
+    for words, line in (
+        ("left_wrist 2 0 0 9", "left_wrist stays"),
+        ("left_wirst 2 0 0 1", "did you mean left_wrist?"),
+        ("left_wrist 0 0 0 1", "frame 0 has no pose"),
+        ("left_wrist 2 0 0", "is not understood: give a joint, a frame"),
+    ):
+        assert run(["correct", "out", "--set-joints", words]) == 2
+        assert line in capsys.readouterr().err
+    assert run("fit walk --out out --estimator standing --overwrite".split()) == 2
+    assert "out is corrected by hand, which would be lost" in capsys.readouterr().err
     assert run("correct out --undo all".split()) == 0
     assert not [*(desk / "out").glob("fitted_again*")]
     assert run("correct out --fit-again 2:4 --without cam_9".split()) == 2
@@ -180,16 +230,35 @@ def test_a_range_is_fitted_again_without_a_camera(desk, capsys):
 
 
 def test_the_viewer_corrects_and_shows_what_is_corrected(fitted):
-    browser = Browser(ResultScenes(fitted, voxel_size_m=0.06), Address(port=8397), 1)
-    made = {"type": "trim", "frames": [2, 4]}
-    for corrections, frames in (([made], [2, 2]), ([], [0, 6])):
-        body = json.dumps({"corrections": corrections}).encode()
-        url, kind = f"{browser.url}/api/corrections", {"Content-Type": "application/json"}
-        with urlopen(Request(url, body, kind), timeout=60) as answer:
-            assert answer.status == 200
-        with urlopen(f"{browser.url}/api/scene", timeout=60) as answer:
-            scene = json.load(answer)
-        assert [one["made"] for one in scene["corrections"]] == corrections
-        assert [scene["first"], scene["count"]] == frames
-        assert scene["first"] <= scene["shown"] < scene["first"] + scene["count"]
-    browser.close()
+    """What takes long is a command, where no studio does it."""
+    result, made = Result.open(fitted), {"type": "trim", "frames": [2, 4]}
+    motion, scenes = result.motion, ResultScenes(fitted, voxel_size_m=0.06)
+    with closing(Browser(scenes, Address(port=8397), 1)) as browser:
+        for corrections, frames in (([made], [2, 2]), ([], [0, 6])):
+            post(browser, "corrections", {"corrections": corrections})
+            with urlopen(f"{browser.url}/api/scene", timeout=60) as answer:
+                scene = json.load(answer)
+            assert [one["made"] for one in scene["corrections"]] == corrections
+            assert [scene["first"], scene["count"]] == frames
+            assert scene["first"] <= scene["shown"] < scene["first"] + scene["count"]
+        place_m = motion.landmarks()[2, LANDMARK_NAMES.index("left_wrist")] + (0.02, 0.0, 0.01)
+        seen = [(one.name, one.pinhole().project(place_m[None])[0][0]) for one in result.rig]
+        pixels, frame = [[name, *pixel.tolist()] for name, pixel in seen], int(motion.frames[2])
+        asked = {"frames": [frame, frame + 1], "joint": "left_wrist", "pixels": pixels}
+        *words, told = shlex.split(post(browser, "fit_again", asked)["command"])
+        assert words == ["voxelpose", "correct", str(fitted), "--set-joints"]
+        joint, number, *place = told.split()
+        assert (joint, number) == ("left_wrist", str(frame))
+        assert np.abs(np.array(place, float) - place_m).max() < 0.002
+        command = post(browser, "fit_again", {"frames": [2, 4], "camera": "cam_1"})["command"]
+        assert command.endswith("fitted --fit-again 2:4 --without cam_1")
+        write_corrections(fitted, [Trim((1, 4))])  # by somebody else
+        with pytest.raises(HTTPError):
+            post(browser, "corrections", {"corrections": []})
+        assert (fitted / "corrections.json").exists()
+
+
+def post(browser, path, content):
+    url, kind = f"{browser.url}/api/{path}", {"Content-Type": "application/json"}
+    with urlopen(Request(url, json.dumps(content).encode(), kind), timeout=60) as answer:
+        return json.load(answer)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
-from calib.storage.atomic import replacing
+from silhouette_core.setting_types import Limbs
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress
 
 if TYPE_CHECKING:
+    from silhouette_core.progress import Reporter
     from voxelpose.corrections import Correction
     from voxelpose.results import Result
 
@@ -27,9 +26,11 @@ class Correct:
       voxelpose correct walk_fit
       voxelpose correct walk_fit --trim 20:180
       voxelpose correct walk_fit --exchange-sides 40:60
+      voxelpose correct walk_fit --exchange-sides 40:60 --limbs legs
       voxelpose correct dance_fit --exchange-sides 40:60 --person 2
       voxelpose correct dance_fit --exchange-people 1,2 --start 120
       voxelpose correct walk_fit --fit-again 60:90 --without cam_2
+      voxelpose correct walk_fit --set-joints "left_wrist 75 0.42 -0.18 1.31"
       voxelpose correct walk_fit --undo last
 
     Whatever reads the result then has the corrected motion and names the corrections: view, export,
@@ -45,6 +46,8 @@ class Correct:
     exchange_sides: Annotated[str | None, arguments.optional("A:B")] = None
     """Exchange left and right in these frames: the body is turned half round, and every limb put
     where that of the other side was, as far as its joints allow."""
+    limbs: Annotated[Limbs | None, arguments.optional("arms|legs")] = None
+    """Limbs whose sides alone are exchanged, while the trunk stays."""
     person: Annotated[int | None, arguments.optional("N")] = None
     """Number of the person whose sides are exchanged, of several."""
     exchange_people: Annotated[str | None, arguments.optional("N,N")] = None
@@ -55,21 +58,27 @@ class Correct:
     """Fit these frames again, of one person and with the same body, without a camera."""
     without: arguments.OptionalName = None
     """Name of the camera that --fit-again leaves out."""
+    set_joints: Annotated[str | None, arguments.optional("TEXT")] = None
+    """Joints that are set in frames, with commas between them: name as in joints.csv, frame, place
+    in metres. About a second to either side is fitted again with them there."""
     undo: Annotated[str | None, arguments.optional("N|last|all")] = None
     """Take back a correction, by its number in the list, the last one, or all."""
 
     def run(self) -> None:
         """Makes the corrections and prints all that there are."""
-        from voxelpose.corrections import read_corrections
+        with Progress() as progress:
+            made = self.correct(progress)
+        lines = [f"{k}  {correction}" for k, correction in enumerate(made, 1)]
+        print("\n".join(lines or ["nothing is corrected"]))
+
+    def correct(self, reporter: Reporter) -> list[Correction]:
+        """Makes the corrections; returns all that there are."""
         from voxelpose.results import correct, corrections_home, open_people
 
         home, number = corrections_home(self.result)
         if self.undo == "all":
             correct(home, [])
         results = open_people(self.result)
-        made = [*read_corrections(home)]
-        if self.undo not in (None, "all"):
-            made.pop(self._undone(len(made)))
         motions = [result.motion for result in results]
         limits = (
             min(int(motion.frames[0]) for motion in motions),
@@ -79,22 +88,31 @@ class Correct:
         if self.exchange_sides and len(results) > 1 and self.person is None:
             raise InputError("whose left and right? Give the number of a --person")
         added = self._added(limits, (self.person or number) if several else self.person)
-        made += added
-        if self.fit_again is not None:
-            made.append(self._fitted_again(results, home, limits))
-            added.append(made[-1])
+        if self.fit_again is not None or self.set_joints is not None:
+            if several:
+                raise InputError(
+                    "of several people no range can be fitted again: fit all frames again"
+                )
+            added += self._fitted_again(results[0], self._left(home), limits, reporter)
+        made = self._left(home) + added  # a fit takes long: others may have been made meanwhile
         if added or self.undo not in (None, "all"):
             correct(home, made)
-        lines = [f"{k}  {correction}" for k, correction in enumerate(made, 1)]
-        print("\n".join(lines or ["nothing is corrected"]))
+        return made
 
-    def _undone(self, count: int) -> int:
-        """Index of the correction that is taken back."""
-        text = str(count) if self.undo == "last" else str(self.undo)
-        if not text.isdecimal() or not 1 <= int(text) <= count:
-            known = f"a number from 1 to {count}, last or all" if count else "nothing is corrected"
-            raise InputError(f"--undo {self.undo} names no correction: {known}")
-        return int(text) - 1
+    def _left(self, home: Path) -> list[Correction]:
+        """Corrections so far, without that which is taken back."""
+        from voxelpose.corrections import read_corrections
+
+        made = [*read_corrections(home)]
+        if self.undo in (None, "all"):
+            return made
+        text = str(len(made)) if self.undo == "last" else str(self.undo)
+        if not text.isdecimal() or not 1 <= int(text) <= len(made):
+            known = f"a number from 1 to {len(made)}, last or all"
+            reason = known if made else "nothing is corrected"
+            raise InputError(f"--undo {self.undo} names no correction: {reason}")
+        del made[int(text) - 1]
+        return made
 
     def _added(self, limits: tuple[int, int], person: int | None) -> list[Correction]:
         """The corrections that are asked for, of a result whose poses are within limits."""
@@ -105,7 +123,7 @@ class Correct:
             added.append(Trim(_frames(self.trim, "--trim {}", limits)))
         if self.exchange_sides is not None:
             sides = _frames(self.exchange_sides, "--exchange-sides {}", limits)
-            added.append(ExchangeSides(sides, person))
+            added.append(ExchangeSides(sides, person, self.limbs))
         if self.exchange_people is not None:
             if self.start is None:
                 raise InputError("--exchange-people needs the frame --start from which on")
@@ -116,25 +134,21 @@ class Correct:
         return added
 
     def _fitted_again(
-        self, results: Sequence[Result], home: Path, limits: tuple[int, int]
-    ) -> Correction:
-        """Fits a range again, and writes its poses beside the estimate."""
-        from silhouette_core.motion.motion_file import write_motion
-        from voxelpose.corrections import FitAgain
-        from voxelpose.range_fit import fit_range_again
+        self, result: Result, made: list[Correction], limits: tuple[int, int], reporter: Reporter
+    ) -> list[Correction]:
+        """Corrections by ranges that are fitted again, of one person."""
+        from voxelpose.range_fit import fit_with_targets, fit_without, targets_told
 
-        if self.without is None:
-            raise InputError("--fit-again needs the name of the camera that it is --without")
-        if home != self.result or len(results) > 1:
-            raise InputError("of several people no range can be fitted again: fit all frames again")
-        frames = _frames(self.fit_again, "--fit-again {}", limits)
-        with Progress() as progress:
-            motion = fit_range_again(results[0], self.without, frames, progress)
-        names = (f"fitted_again_{number}.safetensors" for number in count(1))
-        poses = next(name for name in names if not (home / name).exists())
-        with replacing(home / poses) as partial:
-            write_motion(motion, partial)
-        return FitAgain(self.without, frames, poses)
+        added: list[Correction] = []
+        if self.fit_again is not None:
+            if self.without is None:
+                raise InputError("--fit-again needs the name of the camera that it is --without")
+            frames = _frames(self.fit_again, "--fit-again {}", limits)
+            added.append(fit_without(result, self.without, frames, made, reporter))
+        if self.set_joints is not None:
+            targets = targets_told(self.set_joints, "--set-joints {}")
+            added.append(fit_with_targets(result, targets, [*made, *added], reporter))
+        return added
 
 
 def _frames(text: str | None, setting: str, limits: tuple[int, int]) -> tuple[int, int]:

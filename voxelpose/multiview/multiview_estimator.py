@@ -102,8 +102,15 @@ class MultiViewEstimator:
             prepare_silhouettes(source, settings, preparation, clock, reporter) as prepared,
             ExitStack() as resources,
         ):
+            targets = settings.upright_targets(prepared.upright)
             work = TrackWork(
-                settings, source.fps, matching, known, clock, reporter, prepared.numbers
+                replace(settings, targets=targets),
+                source.fps,
+                matching,
+                known,
+                clock,
+                reporter,
+                prepared.numbers,
             )
             places_m = things_m = np.empty((0, source.frame_count, 3))
             if people != 1:

@@ -17,6 +17,7 @@ from voxelpose.reliability import verdict_of, verdict_of_people
 from voxelpose.results import (
     SETTINGS,
     SUMMARY,
+    is_corrected,
     is_result,
     load_settings,
     load_summary,
@@ -135,6 +136,11 @@ class StudioFolder:
         if out.exists() and not overwrite:
             raise error_at(
                 "out", f"there is a {name!r} already: choose another name, or replace it"
+            )
+        if is_corrected(out):
+            raise error_at(
+                "out",
+                f"{name!r} is corrected by hand: choose another name, or undo it in its viewer",
             )
         return out
 

@@ -18,6 +18,7 @@ from silhouette_core.progress import Reporter
 from voxelpose.calibration.sync import Sync, sync_findings
 from voxelpose.cli.calibrate_cameras import CalibrateExtrinsics, CalibrateIntrinsics
 from voxelpose.cli.calibrate_sync import CalibrateSync
+from voxelpose.cli.correct import Correct
 from voxelpose.cli.export import Export
 from voxelpose.cli.fit import EstimationArguments
 from voxelpose.compile_ahead import compiling_beside
@@ -128,6 +129,12 @@ def calibrate(
     ]
     lines = [finding.words for finding in sync_findings(result)]
     return {"offsets": offsets, "verdict": [*lines, *result.notes]}
+
+
+def correct(reporter: Reporter, command: Correct, name: str) -> dict[str, Any]:
+    """Runs a correction; returns the name of the `result`. InputError where it cannot be made."""
+    command.correct(reporter)
+    return {"result": name}
 
 
 def export(

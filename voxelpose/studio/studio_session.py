@@ -13,6 +13,7 @@ from msgspec import Meta, Struct
 from calib.errors import InputError
 from calib.storage.atomic import write_whole
 from calib.storage.documents import visible_entries
+from voxelpose.cli.correct import Correct
 from voxelpose.cli.fit import SHARES
 from voxelpose.cli.options import FolderSetting, folder_settings
 from voxelpose.recording.folder import Recording, calibration_path
@@ -30,7 +31,7 @@ from voxelpose.studio.live_step import LiveAsked, LiveStep
 from voxelpose.studio.project_changes import ProjectChanges
 from voxelpose.studio.projects import StudioFolder, check_plain_name
 from voxelpose.studio.record_step import JobWord, RecordAsked, RecordStep
-from voxelpose.studio.studio_jobs import JobsFile, demo, estimate, export
+from voxelpose.studio.studio_jobs import JobsFile, correct, demo, estimate, export
 from voxelpose.studio.uploads import (
     check_size,
     conflicts_of,
@@ -100,7 +101,18 @@ class ExportAsked(Struct, forbid_unknown_fields=True, tag=True):
     settings: Typed = {}
 
 
-_AnyAsked = FitAsked | DemoAsked | ExportAsked | CalibrationAsked | RecordAsked | LiveAsked
+class CorrectAsked(Struct, forbid_unknown_fields=True, tag=True):
+    """A correction of a result that takes long, by options of `voxelpose correct`."""
+
+    result: Name
+    fit_again: str | None = None
+    without: str | None = None
+    set_joints: str | None = None
+
+
+_AnyAsked = (
+    FitAsked | DemoAsked | ExportAsked | CorrectAsked | CalibrationAsked | RecordAsked | LiveAsked
+)
 
 
 class OpenedViewers:
@@ -110,8 +122,10 @@ class OpenedViewers:
         self._lock = threading.RLock()
         self._browsers: dict[str, Browser] = {}  # by name, the latest last
 
-    def open(self, name: str, folder: Path) -> None:
-        """Opens a result, if it is not open already, and closes the oldest of many."""
+    def open(self, name: str, folder: Path, begin: Callable[[dict[str, str]], None]) -> None:
+        """Opens a result, if it is not open already, and closes the oldest of many; `begin` begins
+        a correction that takes long.
+        """
         with self._lock:
             if name in self._browsers:
                 self._browsers[name] = self._browsers.pop(name)
@@ -121,7 +135,8 @@ class OpenedViewers:
             scenes = ResultScenes(folder)
             frames = [*scenes.time_s] or scenes.frames.tolist()
             try:
-                self._browsers[name] = Browser(scenes, None, frames[len(frames) // 2])
+                shown = frames[len(frames) // 2]
+                self._browsers[name] = Browser(scenes, None, shown, begin=begin)
             except BaseException:
                 scenes.close()
                 raise
@@ -378,6 +393,17 @@ class StudioSession:
             asked=asked, waits=True, project=self.folder.project_of(folder) or "",
         )  # fmt: skip
 
+    def start_correction(self, asked: CorrectAsked) -> None:
+        """Begins a correction of a result that takes long, or lets it wait for other jobs."""
+        folder = self.folder.result(asked.result)
+        command = Correct(
+            folder, fit_again=asked.fit_again, without=asked.without, set_joints=asked.set_joints
+        )
+        self.job.start(
+            "fit", asked.result, correct, command, asked.result,
+            asked=asked, waits=True, project=self.folder.project_of(folder) or "",
+        )  # fmt: skip
+
     def repeat(self, number: int) -> None:
         """Begins a job that was interrupted, stopped, or has failed once more, as it was asked for.
         InputError where that cannot be.
@@ -391,6 +417,7 @@ class StudioSession:
             FitAsked: self.start_fit,
             DemoAsked: self.start_demo,
             ExportAsked: self.start_export,
+            CorrectAsked: self.start_correction,
             CalibrationAsked: self.calibration.start,
             RecordAsked: self.recording.start,
             LiveAsked: self.live.start,
@@ -418,7 +445,10 @@ class StudioSession:
 
     def open_viewer(self, name: str) -> None:
         """Opens the viewer of a result. InputError where it cannot be read."""
-        self.viewers.open(name, self.folder.result(name))
+        folder = self.folder.result(name)
+        self.viewers.open(
+            name, folder, lambda options: self.start_correction(CorrectAsked(name, **options))
+        )
 
 
 def _free_name(stem: str, taken: Collection[str]) -> str:

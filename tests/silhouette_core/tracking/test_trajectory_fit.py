@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from calib.camera import Rig
-from silhouette_core.motion.pose import Pose
+from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.motion.pose import JointTarget, Pose
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.refinement.refine import RefineSettings
 from silhouette_core.refinement.surface import Surface
@@ -83,6 +84,18 @@ def test_a_standing_foot_stands(walk):
         return np.linalg.norm(np.diff(joints[:, ankles], axis=0), axis=-1)[still].mean()
 
     assert slip(fitted(walk)) < 0.8 * slip(fitted(walk, foot_m=1e3))
+
+
+def test_a_joint_is_where_it_was_set_and_the_frames_beside_follow(walk):
+    frames, poses = walk
+    wrist, before = LANDMARK_NAMES.index("left_wrist"), fitted(walk)
+    place = before[7, wrist] + (0.0, 0.0, 0.08)
+    held = [*frames]
+    held[7] = replace(frames[7], targets=[JointTarget("left_wrist", 7, tuple(place))])
+    after = fitted((held, poses))
+    far_m = np.linalg.norm(after - before, axis=-1)
+    assert np.linalg.norm(after[7, wrist] - place) < 0.02
+    assert 0.02 < far_m[6, wrist] < far_m[7, wrist] and far_m[0].max() < 0.02
 
 
 def test_the_floor_decides_the_distance(walk):

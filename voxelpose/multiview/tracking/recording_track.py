@@ -165,6 +165,7 @@ class TrackWork:
             self.clock,
             self.reporter.advance,
             self.numbers,
+            self.settings.targets,
         )
         self.reporter.stage("tracking", len(observations))
         tracker.follow(fits.items())
@@ -187,6 +188,7 @@ class TrackWork:
             tracker.search_worst(max(REFIT_FRAMES, len(tracker.observations) // 100))
         self.reporter.stage("limbs")
         tracker.search_limbs()
+        tracker.reach_targets()
 
     def _smooth(self, tracker: PoseTracker) -> None:
         self.reporter.stage("refinement", len(tracker.observations))

@@ -11,13 +11,14 @@ from contextlib import AbstractContextManager
 from threading import Lock
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from calib.checks import FloatArray
 from silhouette_core.motion.dynamics import pose_step_sigma
 from silhouette_core.motion.kinematics import joints_of
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import JointTarget, Pose
 from silhouette_core.read_ahead import side_by_side
+from silhouette_core.refinement.landmark_prior import target_costs
+from silhouette_core.refinement.observation import Observation
 from silhouette_core.scoring.silhouette_error import silhouette_error
 from silhouette_core.tracking.beam import Beam, backtrack
 from silhouette_core.tracking.step_costs import StepCosts
@@ -32,6 +33,7 @@ from voxelpose.multiview.tracking.body_track import BodyTrack, is_near
 from voxelpose.multiview.tuning import OFF_LINE, TRACKING
 
 _BESIDE = 3  # frames beside a searched one that are not searched as well
+_ROUNDS = 3  # of the fit of one frame to joints that were set
 _BLOCK, _AHEAD = 24, 8  # frames fitted together, and frames that must follow them
 
 Clock = Callable[[str], AbstractContextManager[None]]
@@ -55,15 +57,21 @@ class PoseTracker:
         clock: Clock,
         advance: Callable[[], None],
         numbers: np.ndarray | None = None,
+        targets: Sequence[JointTarget] = (),
     ):
-        """Starts without poses; `numbers` (T,) int64, increasing, tell how many frames are between
-        those observed, None: none.
+        """Starts without poses; `numbers` (T,) int64, increasing, of the frames observed, tell how
+        many are between them, None: none. `targets`: joints that were set, in the upright frame.
         """
         self.body = body
         self.observations = observations
         self.fps, self.matching = fps, matching
         steps = np.arange(len(observations)) if numbers is None else numbers - numbers[0]
         self._times_s = steps / fps
+        rows = {} if numbers is None else {number: t for t, number in enumerate(numbers.tolist())}
+        self._targets: dict[int, list[JointTarget]] = {}
+        for target in targets:
+            if target.frame in rows:
+                self._targets.setdefault(rows[target.frame], []).append(target)
         self.poses: list[Pose | None] = [None] * len(observations)
         self.error = np.full(len(observations), np.inf)
         self._candidates: list[list[PoseFit]] = [[] for _ in self.poses]
@@ -139,6 +147,24 @@ class PoseTracker:
         results = zip(chosen, side_by_side(searched, chosen), strict=True)
         self.follow((t, fit) for t, fit in results if fit is not None and fit.error < self.error[t])
 
+    def reach_targets(self) -> None:
+        """Follows, from each frame in which joints were set, the pose that has them there."""
+        fits = []
+        for t, targets in self._targets.items():
+            pose, frame = self.poses[t], self.observe(t)
+            if pose is None or frame is None:
+                continue
+            evidence = FrameEvidence(frame.observation, 0.0, targets=targets)
+            for _ in range(_ROUNDS):
+                (pose,) = fit_trajectory(self.body.surface, [evidence], [pose], floor=False)
+            fits.append((t, PoseFit(pose, self._silhouette_error(pose, frame.observation))))
+        if fits:
+            self.follow(fits)
+
+    def _silhouette_error(self, pose: Pose, observation: Observation) -> float:
+        backend = self.body.body_volume.backend
+        return silhouette_error(self.body.model, pose, observation, backend)
+
     def smooth(self) -> None:
         """Refines the poses of all frames together, in blocks, so that memory does not grow."""
         posed = [t for t, pose in enumerate(self.poses) if pose is not None]
@@ -155,7 +181,12 @@ class PoseTracker:
         pairs = [(t, one.observation) for t, one in zip(frames, seen, strict=True) if one]
         # In a frame that explains less than usual the silhouettes are wrong, and count for less.
         evidence = [
-            FrameEvidence(one, float(self._times_s[t]), scale=max(self.error[t] / usual, 1.0))
+            FrameEvidence(
+                one,
+                float(self._times_s[t]),
+                scale=max(self.error[t] / usual, 1.0),
+                targets=self._targets.get(t, ()),
+            )
             for t, one in pairs
         ]
         with self._clock("refinement"):
@@ -166,9 +197,8 @@ class PoseTracker:
                 floor=False,
                 before=[pose for t in before if (pose := self.poses[t]) is not None],
             )
-        backend = self.body.body_volume.backend
         for (t, one), pose in zip(pairs[:_BLOCK], poses, strict=False):
-            error = silhouette_error(self.body.model, pose, one, backend)
+            error = self._silhouette_error(pose, one)
             self.poses[t], self.error[t] = pose, error
             self._candidates[t] = [PoseFit(pose, error)]
             self._advance()
@@ -212,8 +242,19 @@ class PoseTracker:
 
     def _excess(self, t: int, fit: PoseFit) -> float:
         """What a pose costs more than the best candidate of its frame, nats; 0 for a first one."""
-        errors = [one.error for one in self._candidates[t]]
-        return float(max(_costs(fit.error) - _costs(min(errors, default=fit.error)), 0.0))
+        *others, own = self._frame_costs(t, [*self._candidates[t], fit])
+        return float(max(own - min(others, default=own), 0.0))
+
+    def _frame_costs(self, t: int, fits: Sequence[PoseFit]) -> FloatArray:
+        """Costs (K,) of poses of a frame by their silhouette errors, nats, up to a constant; see
+        `posterior`; and by how far joints are from where somebody set them.
+        """
+        errors = np.maximum([fit.error for fit in fits], 1e-6)
+        costs = OFF_LINE.frame_residuals * np.log(errors)
+        if t in self._targets:
+            joints = joints_of(self.body.model, [fit.pose for fit in fits])
+            costs += target_costs(self.body.model, joints, self._targets[t])
+        return costs
 
     def _is_new(self, t: int, fit: PoseFit) -> bool:
         """Adds a candidate, the better of those that are the same pose; whether none was about as
@@ -254,13 +295,8 @@ class PoseTracker:
             poses,
             joints_of(model, poses),
             errors,
-            _costs(errors),
+            self._frame_costs(t, fits),
             float(self._times_s[t]),
             np.zeros((len(fits), len(model.names)), np.bool_),  # some camera sees each part
             [None] * len(fits),
         )
-
-
-def _costs(errors: ArrayLike) -> FloatArray:
-    """Costs of poses by their silhouette errors, nats, up to a constant; see `posterior`."""
-    return OFF_LINE.frame_residuals * np.log(np.maximum(errors, 1e-6))

@@ -3,19 +3,21 @@ pictures frame by frame.
 """
 
 import threading
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Callable, Sequence
+from shlex import quote
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec import Meta
 
 from calib.camera import Rig
 from calib.errors import InputError
-from voxelpose.corrections import Correction
+from voxelpose.corrections import Correction, read_corrections
 from voxelpose.export.html_player import player_page
 from voxelpose.export.player_scene import Stage, player_scene
 from voxelpose.results import correct
 from voxelpose.view.serving.gate import Address, GatedServer, GateRequest, Reply
-from voxelpose.view.serving.page_answers import Moment, PageAnswers, check_camera_names
+from voxelpose.view.serving.page_answers import Moment, Name, PageAnswers, Pixel, check_camera_names
 from voxelpose.view.viewer.frame_answer import area_answer, frame_answer, outlined_picture
 from voxelpose.view.viewer.legend import OUTLYING_CM
 from voxelpose.view.viewer.result_scenes import OtherResult, ResultScenes
@@ -38,12 +40,14 @@ class Browser(GatedServer):
         address: Address | None,
         frame: int,
         others: Sequence[OtherResult] = (),
+        begin: Callable[[dict[str, str]], None] | None = None,
     ) -> None:
         """Starts the server, which shows a frame at first, and other results beside. The scenes are
         closed with it. Without an address it is a part of other pages, which pass requests on to
-        `answer`. InputError where the address cannot be used.
+        `answer`, and `begin` a correction that takes long, by options of `voxelpose correct`.
+        InputError where the address cannot be used.
         """
-        self._others, self._frame = others, frame
+        self._others, self._frame, self._begin = others, frame, begin
         self._working = threading.Lock()
         self._show(scenes)
         self._answers = PageAnswers(
@@ -55,7 +59,7 @@ class Browser(GatedServer):
                 "api/area": self._area,
                 "picture/{camera}": self._picture,
             },
-            {"api/corrections": self._correct},
+            {"api/corrections": self._correct, "api/fit_again": self._fit_again},
         )
         super().__init__(address, self._answer, self._close_scenes, _LARGEST_BODY)
 
@@ -73,6 +77,9 @@ class Browser(GatedServer):
         return await self._answers.answer(request)
 
     def _state(self) -> dict[str, Any]:
+        with self._working:
+            if self._is_outdated():
+                self._renew()
         scenes = self.scenes
         rig = Rig(tuple(view.pinhole for view in scenes.lenses.values()))
         frames = int(scenes.frames[0]), int(scenes.frames[-1]) + 1
@@ -89,6 +96,7 @@ class Browser(GatedServer):
                 {"words": str(one), "made": msgspec.to_builtins(one)} for one in scenes.corrections
             ],
             "people": scenes.people,
+            "joints": scenes.joint_names,
             "folder": scenes.title,
             "recording": "" if scenes.recording is None else scenes.recording.folder.name,
             "limbs": list(scenes.limb_names),
@@ -102,9 +110,41 @@ class Browser(GatedServer):
     def _correct(self, corrections: list[Correction]) -> None:
         """Replaces the corrections of the first result, and shows it as it then is."""
         with self._working:
+            if self._is_outdated():
+                raise InputError("it was corrected meanwhile: load this page again")
             correct(self.scenes.home, corrections)
-            self.scenes.close()
-            self._show(self.scenes.reopened())
+            self._renew()
+
+    def _is_outdated(self) -> bool:
+        return self.scenes.corrections != read_corrections(self.scenes.home)
+
+    def _renew(self) -> None:
+        self.scenes.close()
+        self._show(self.scenes.reopened())
+
+    def _fit_again(
+        self,
+        frames: tuple[Moment, Moment],
+        camera: str = "",
+        joint: str = "",
+        pixels: Annotated[list[tuple[Name, Pixel, Pixel]], Meta(max_length=100)] | None = None,
+    ) -> dict[str, str]:
+        """Has frames, the first and one past the last, fitted again without a camera, or with a
+        joint where pixels of pictures show it in the first; returns the `command` that does so,
+        where nothing here does.
+        """
+        asked = {"fit_again": "{}:{}".format(*frames), "without": camera}
+        if joint:
+            check_camera_names([name for name, *_ in pixels or ()], self.scenes.rig.names)
+            place_m = self.scenes.joint_place(joint, frames[0], pixels or ())
+            asked = {
+                "set_joints": " ".join([joint, str(frames[0]), *map("{:.3f}".format, place_m)])
+            }
+        if self._begin is not None:
+            self._begin(asked)
+            return {}
+        options = (f"--{name.replace('_', '-')} {quote(words)}" for name, words in asked.items())
+        return {"command": f"voxelpose correct {quote(str(self.scenes.home))} {' '.join(options)}"}
 
     def _frame_answer(
         self, frame: Moment, pictures: Pictures | Literal["none"] = "none"

@@ -36,6 +36,7 @@ from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.outer_voxels import NearestBodies, OuterVoxels
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
 
+_WEAK = 1e-3  # weight of where a joint was, beside that of a ray
 _KEPT = 24  # frames whose scenes stay in memory
 _DEFAULT_FPS = 25
 
@@ -182,6 +183,10 @@ class ResultScenes:
         self.limb_names: tuple[str, ...] = ()
         if len(self._fitted) == 1:
             self.limb_names = tuple(limb.name for limb in self._fitted[0].volume.limbs[1:])
+        # That can be set by hand, of one person filmed by several cameras.
+        self.joint_names: tuple[str, ...] = ()
+        if self.motions and not self.people and self.recording and len(self.rig) > 1:
+            self.joint_names = self.motions[0].model.tree.landmark_names
         self.has_hypotheses = bool(self._hypotheses)  # of a monocular track
         self._observed_scene = lru_cache(_KEPT)(self._make_scene)
         self._areas = lru_cache(_KEPT)(self._make_areas)
@@ -209,6 +214,26 @@ class ResultScenes:
     def part_poses(self, frame: int) -> list[PartPoses | None]:
         """Where the parts of the fitted bodies are in a frame; None where one was not found."""
         return [posed and posed[0].parts(posed[1]) for posed in self._posed_bodies(frame)]
+
+    def joint_place(
+        self, joint: str, frame: int, pixels: Sequence[tuple[str, float, float]]
+    ) -> NDArray[np.float64]:
+        """Where a joint is (3,), in the world of the calibration, m, that cameras show at pixels of
+        their pictures, by their names: nearest to all rays; along a single one, to where it was.
+        InputError where there is no such joint or pose.
+        """
+        motion = self.motions[0]
+        names, rows = motion.model.tree.landmark_names, np.flatnonzero(motion.frames == frame)
+        if joint not in names or not len(rows):
+            raise InputError(f"frame {frame} has no pose of a joint {joint[:40]!r}: choose another")
+        near_m = motion.select(rows).landmarks()[0, names.index(joint)]
+        matrix, vector = _WEAK * np.eye(3), _WEAK * near_m
+        for name, x, y in pixels:
+            camera = self.lenses[name].pinhole
+            ray = camera.rotation.T @ np.linalg.solve(camera.matrix, [x, y, 1.0])
+            across = np.eye(3) - np.outer(ray, ray) / (ray @ ray)
+            matrix, vector = matrix + across, vector + across @ camera.center_m
+        return motion.upright_frame.world_points(np.linalg.solve(matrix, vector))
 
     def _posed_bodies(self, frame: int) -> list[tuple[FittedBody, int] | None]:
         """The fitted bodies with the rows of their motions that hold a frame."""

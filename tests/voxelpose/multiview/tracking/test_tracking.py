@@ -6,7 +6,8 @@ from contextlib import closing, nullcontext
 import numpy as np
 import pytest
 
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.kinematics import joints_of
+from silhouette_core.motion.pose import JointTarget, Pose
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
@@ -55,6 +56,23 @@ def tracker(observations) -> PoseTracker:
     body = BodyGeometry(model, BodyVolume.from_model(model, 0.03, "cpu"), Surface(model, 600))
     settings = 30.0, MatchSettings()
     return PoseTracker(body, observations, *settings, lambda _: nullcontext(), lambda: None)
+
+
+def test_a_joint_that_was_set_is_there_in_its_frame(tracker):
+    """Frames far from it stay as they are."""
+    model, frames = tracker.body.model, np.arange(10, 10 + FRAMES)
+    elbow = model.tree.landmark_names.index("left_elbow")
+    places = joints_of(ACTOR, TRUTH)[:, elbow]
+    places[3] += (0.0, -0.06, 0.02)
+    target = JointTarget("left_elbow", 13, tuple(places[3]))
+    settings = 30.0, MatchSettings(), lambda _: nullcontext(), lambda: None, frames, [target]
+    track = PoseTracker(tracker.body, tracker.observations, *settings)
+    track.follow([(2, PoseFit(TRUTH[2], 0.1))])
+    track.reach_targets()
+    track.smooth()
+    found = joints_of(model, [pose for pose in track.poses if pose is not None])[:, elbow]
+    far_m = np.linalg.norm(found - places, axis=1)
+    assert far_m[3] < 0.015 and far_m[[0, 6]].max() < 0.04
 
 
 def half_turned(pose: Pose) -> Pose:

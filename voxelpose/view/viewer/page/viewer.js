@@ -47,7 +47,7 @@ class Viewer {
       this.area();
     }));
     this.player = new Player(document.body, state, this);
-    if (state.corrections) part("reach").after(new Corrections(state, this.player.timeline).section);
+    if (state.corrections) part("reach").after(new Corrections(state, this.player).section);
     this.player.timeline.loaded = (index) => this.store.has(state.first + index);
     this.#linkBack();
     this.changed();
