@@ -131,7 +131,7 @@ def calibrate(
     return {"offsets": offsets, "verdict": [*lines, *result.notes]}
 
 
-def correct(reporter: Reporter, command: Correct, name: str) -> dict[str, Any]:
+def correct_result(reporter: Reporter, command: Correct, name: str) -> dict[str, Any]:
     """Runs a correction; returns the name of the `result`. InputError where it cannot be made."""
     command.correct(reporter)
     return {"result": name}

@@ -31,7 +31,7 @@ from voxelpose.studio.live_step import LiveAsked, LiveStep
 from voxelpose.studio.project_changes import ProjectChanges
 from voxelpose.studio.projects import StudioFolder, check_plain_name
 from voxelpose.studio.record_step import JobWord, RecordAsked, RecordStep
-from voxelpose.studio.studio_jobs import JobsFile, correct, demo, estimate, export
+from voxelpose.studio.studio_jobs import JobsFile, correct_result, demo, estimate, export
 from voxelpose.studio.uploads import (
     check_size,
     conflicts_of,
@@ -135,8 +135,8 @@ class OpenedViewers:
             scenes = ResultScenes(folder)
             frames = [*scenes.time_s] or scenes.frames.tolist()
             try:
-                shown = frames[len(frames) // 2]
-                self._browsers[name] = Browser(scenes, None, shown, begin=begin)
+                middle = frames[len(frames) // 2]
+                self._browsers[name] = Browser(scenes, None, middle, begin=begin)
             except BaseException:
                 scenes.close()
                 raise
@@ -400,7 +400,7 @@ class StudioSession:
             folder, fit_again=asked.fit_again, without=asked.without, set_joints=asked.set_joints
         )
         self.job.start(
-            "fit", asked.result, correct, command, asked.result,
+            "fit", asked.result, correct_result, command, asked.result,
             asked=asked, waits=True, project=self.folder.project_of(folder) or "",
         )  # fmt: skip
 

@@ -242,8 +242,8 @@ class PoseTracker:
 
     def _excess(self, t: int, fit: PoseFit) -> float:
         """What a pose costs more than the best candidate of its frame, nats; 0 for a first one."""
-        *others, own = self._frame_costs(t, [*self._candidates[t], fit])
-        return float(max(own - min(others, default=own), 0.0))
+        *others, cost = self._frame_costs(t, [*self._candidates[t], fit])
+        return float(max(cost - min(others, default=cost), 0.0))
 
     def _frame_costs(self, t: int, fits: Sequence[PoseFit]) -> FloatArray:
         """Costs (K,) of poses of a frame by their silhouette errors, nats, up to a constant; see

@@ -36,7 +36,6 @@ from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.outer_voxels import NearestBodies, OuterVoxels
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
 
-_WEAK = 1e-3  # weight of where a joint was, beside that of a ray
 _KEPT = 24  # frames whose scenes stay in memory
 _DEFAULT_FPS = 25
 
@@ -227,7 +226,8 @@ class ResultScenes:
         if joint not in names or not len(rows):
             raise InputError(f"frame {frame} has no pose of a joint {joint[:40]!r}: choose another")
         near_m = motion.select(rows).landmarks()[0, names.index(joint)]
-        matrix, vector = _WEAK * np.eye(3), _WEAK * near_m
+        weight = 1e-3  # of where it was, beside that of a ray
+        matrix, vector = weight * np.eye(3), weight * near_m
         for name, x, y in pixels:
             camera = self.lenses[name].pinhole
             ray = camera.rotation.T @ np.linalg.solve(camera.matrix, [x, y, 1.0])
