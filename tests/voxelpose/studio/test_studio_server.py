@@ -174,6 +174,7 @@ def test_a_fit_is_followed_refused_a_second_time_and_exported(studio, desk):
     assert ask(studio, "/view/other/-/")[0] == 400
     assert ask(studio, "/download?result=fitted")[0] == 400  # nothing is exported yet
     archive(studio)
+    fitted_again(studio)
     people(studio, desk)
 
 
@@ -205,6 +206,16 @@ def archive(server) -> None:
         assert zipped.testzip() is None and zipped.namelist() == state["files"]
         assert {"motion.bvh", "angles.csv", "report.html"} <= {*zipped.namelist()}
     assert b"voxelpose" in fetched(server, "/report?result=fitted")
+
+
+def fitted_again(server) -> None:
+    """Frames that the viewer has fitted again are a job of the studio."""
+    fetched(server, "/view/fitted/-/")
+    asked = {"frames": [1, 3], "camera": "cam_1"}
+    assert ask(server, "/view/fitted/-/api/fit_again", asked) == (200, {})
+    state = ended(server)
+    assert (state["state"], state["of"]) == ("failed", "fitted")
+    assert "without cam_1 1 camera is left" in state["error"]
 
 
 def people(server, desk) -> None:

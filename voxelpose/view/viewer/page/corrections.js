@@ -16,11 +16,10 @@ export class Corrections {
       state.joints.length && ["joint", "set a joint"]].filter(Boolean);
     this.kind = choice("Correction", kinds, "sides", () => this.#kind());
     const people = state.people.map((number) => [number, `person ${number}`]);
-    const plain = (names) => names.map((name) => [name, name.replaceAll("_", " ")]);
     const choose = (label, pairs, k = 0) => choice(label, pairs, pairs[Math.min(k, pairs.length - 1)]?.[0] ?? "", () => this.#kind());
     this.fields = {
       one: choose("Person", people), other: choose("Other person", people, 1),
-      camera: choose("Camera", plain(state.cameras.map(({ name }) => name))), joint: choose("Joint", plain(state.joints)) };
+      camera: choose("Camera", state.cameras.map(({ name }) => [name, name])), joint: choose("Joint", state.joints.map((name) => [name, name.replaceAll("_", " ")])) };
     for (const [name, word, value] of [["first", "from ", state.first], ["last", "to ", state.first + state.count - 1]]) {
       this[name] = make("input", { type: "number", "aria-label": `${name === "first" ? "First" : "Last"} frame`, min: state.first, max: state.first + state.count - 1, value });
       this.fields[name] = make("span", { class: "end" }, word, this[name], button("here", () => (this[name].value = timeline.frame), { title: "The shown frame" }));
