@@ -10,7 +10,7 @@ import numpy as np
 from calib.checks import FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.body.model import BodyModel
-from silhouette_core.motion.kinematics import landmarks
+from silhouette_core.motion.kinematics import joint_centres
 from silhouette_core.motion.pose import JointTarget
 from silhouette_core.refinement.kernels.refine import add_normal_equations
 from silhouette_core.refinement.kernels.steps import add_landmark_terms
@@ -53,31 +53,36 @@ def landmark_arrays(
     return np.array([prior is not None for prior in priors]), *arrays
 
 
-def landmark_jacobian(model: BodyModel, posed: PosedSurface) -> FloatArray:
-    """Derivatives (L, 3, 6 + D) of the landmarks by a step of `Pose.moved`."""
+def landmark_jacobian(
+    model: BodyModel, posed: PosedSurface, rest_m: FloatArray | None = None
+) -> FloatArray:
+    """Derivatives (L, 3, 6 + D) of the landmarks by a step of `Pose.moved`, or of other points
+    (L, 3), as they are at rest, of the same parts.
+    """
     count = len(model.landmarks_m)
     skin_parts, skin_weights = np.zeros((count, 4), np.int32), np.zeros((count, 4))
     skin_parts[:, 0], skin_weights[:, 0] = model.tree.landmark_part, 1.0
-    rest = model.landmarks_m, model.joints_m, skin_parts, skin_weights
+    points_m = model.landmarks_m if rest_m is None else rest_m
+    rest = points_m, model.joints_m, skin_parts, skin_weights
     index, direction = np.repeat(np.arange(count), 3), np.tile(np.eye(3), (count, 1))
     rows = point_jacobian(model, posed, rest, index, direction)
     return rows.reshape(count, 3, -1)
 
 
 def target_gaps(
-    model: BodyModel, landmarks_m: FloatArray, targets: Sequence[JointTarget]
+    model: BodyModel, centres_m: FloatArray, targets: Sequence[JointTarget]
 ) -> tuple[list[int], FloatArray]:
-    """Landmarks of n targets, and how far (K, n, 3) those of K poses (K, L, 3) are from them."""
+    """Joints of n targets, and how far (K, n, 3) centres of K poses (K, L, 3) are from them."""
     index = [model.tree.landmark_names.index(one.joint) for one in targets]
     places = np.array([one.place_m for one in targets]).reshape(-1, 3)
-    return index, landmarks_m[:, index] - places
+    return index, centres_m[:, index] - places
 
 
 def target_costs(
-    model: BodyModel, landmarks_m: FloatArray, targets: Sequence[JointTarget]
+    model: BodyModel, centres_m: FloatArray, targets: Sequence[JointTarget]
 ) -> FloatArray:
-    """Costs (K,), nats, of poses with landmarks (K, L, 3) that are not where somebody set them."""
-    _, gaps = target_gaps(model, landmarks_m, targets)
+    """Costs (K,), nats, of poses with joint centres (K, L, 3) that are not where they were set."""
+    _, gaps = target_gaps(model, centres_m, targets)
     return 0.5 * (gaps**2).sum(axis=(1, 2)) / TRAJECTORY.target_m**2
 
 
@@ -89,9 +94,10 @@ def add_targets(
     targets: Sequence[JointTarget],
 ) -> None:
     """Adds what `target_costs` counts to the normal equations (n, n) and (n,) of a pose."""
-    joints = landmarks(model, posed.part_rotation[None], posed.part_origin[None])
+    joints = joint_centres(model, posed.part_rotation[None], posed.part_origin[None])
     index, gaps = target_gaps(model, joints, targets)
-    rows = landmark_jacobian(model, posed)[index].reshape(-1, len(gradient))
+    jacobian = landmark_jacobian(model, posed, model.joint_centres_m)
+    rows = jacobian[index].reshape(-1, len(gradient))
     weight = np.full(len(rows), TRAJECTORY.target_m**-2)
     add_normal_equations(rows, weight, gaps.ravel(), matrix, gradient)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from calib.checks import FloatArray
 from silhouette_core.motion.dynamics import pose_step_sigma
-from silhouette_core.motion.kinematics import joints_of
+from silhouette_core.motion.kinematics import centres_of, joints_of
 from silhouette_core.motion.pose import JointTarget, Pose
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.landmark_prior import target_costs
@@ -252,8 +252,8 @@ class PoseTracker:
         errors = np.maximum([fit.error for fit in fits], 1e-6)
         costs = OFF_LINE.frame_residuals * np.log(errors)
         if t in self._targets:
-            joints = joints_of(self.body.model, [fit.pose for fit in fits])
-            costs += target_costs(self.body.model, joints, self._targets[t])
+            centres_m = centres_of(self.body.model, [fit.pose for fit in fits])
+            costs += target_costs(self.body.model, centres_m, self._targets[t])
         return costs
 
     def _is_new(self, t: int, fit: PoseFit) -> bool:

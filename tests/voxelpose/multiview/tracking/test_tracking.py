@@ -6,7 +6,7 @@ from contextlib import closing, nullcontext
 import numpy as np
 import pytest
 
-from silhouette_core.motion.kinematics import joints_of
+from silhouette_core.motion.kinematics import centres_of
 from silhouette_core.motion.pose import JointTarget, Pose
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
@@ -62,7 +62,7 @@ def test_a_joint_that_was_set_is_there_in_its_frame(tracker):
     """Frames far from it stay as they are."""
     model, frames = tracker.body.model, np.arange(10, 10 + FRAMES)
     elbow = model.tree.landmark_names.index("left_elbow")
-    places = joints_of(ACTOR, TRUTH)[:, elbow]
+    places = centres_of(ACTOR, TRUTH)[:, elbow]
     places[3] += (0.0, -0.06, 0.02)
     target = JointTarget("left_elbow", 13, tuple(places[3]))
     settings = 30.0, MatchSettings(), lambda _: nullcontext(), lambda: None, frames, [target]
@@ -70,7 +70,7 @@ def test_a_joint_that_was_set_is_there_in_its_frame(tracker):
     track.follow([(2, PoseFit(TRUTH[2], 0.1))])
     track.reach_targets()
     track.smooth()
-    found = joints_of(model, [pose for pose in track.poses if pose is not None])[:, elbow]
+    found = centres_of(model, [pose for pose in track.poses if pose is not None])[:, elbow]
     far_m = np.linalg.norm(found - places, axis=1)
     assert far_m[3] < 0.015 and far_m[[0, 6]].max() < 0.04
 
