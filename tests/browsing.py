@@ -19,8 +19,8 @@ import pytest
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 _FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-# What is no WebGL is drawn in half the time without it.
-_FLAGS += ["--disable-gpu-rasterization", "--disable-accelerated-2d-canvas"]
+# What is no WebGL is drawn in half the time without it, as where there is no graphics card.
+_FLAGS += ["--disable-gpu-compositing", "--disable-accelerated-2d-canvas"]
 # As root, as in most containers, Chromium wants no sandbox.
 _FLAGS += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
 

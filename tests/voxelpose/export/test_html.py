@@ -52,6 +52,8 @@ def test_it_opens_from_a_file_and_plays(tmp_path):
         page.keyboard.press("Home")
         page.keyboard.press("Space")
         until(page, "player.timeline.playing && player.timeline.index > 3")
+        until(page, "!player.fine && player.canvas.width === player.canvas.clientWidth")
+        assert page.evaluate("player.skins[0].mesh.outside === player.renderer.gl.CCW")
         page.keyboard.press("Space")
         page.keyboard.press("End")
         page.get_by_text("Frame 19,").wait_for()

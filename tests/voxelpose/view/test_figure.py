@@ -6,7 +6,7 @@ import pytest
 from silhouette_core.motion import kinematics
 from tests.clips import waving
 from tests.sources import ring
-from voxelpose.view.images.canvas import LEFT, RIGHT
+from voxelpose.view.images.canvas import LEFT, PAPER, RIGHT
 from voxelpose.view.images.figure import FigurePainter
 
 GREY = 90
@@ -36,17 +36,15 @@ def test_figure_fills_the_projected_body(scale, distortion):
     assert abs(rows.max() - pixels[:, 1].max()) < 3.5
 
 
-def test_raised_right_hand_is_drawn_in_the_right_sides_colour():
+def test_bones_have_their_sides_colour_and_the_right_ones_are_dashed():
     camera = ring(1, (640, 480)).cameras[0]
     image, painter, _, origin, names = painted(camera, 1.0)
-    for side, own, other in (("right", RIGHT, LEFT), ("left", LEFT, RIGHT)):
-        elbow, wrist = (
-            painter.pixels(origin[[names.index(f"{side}_{part}")]])[0]
-            for part in ("forearm", "hand")
-        )
-        column, row = np.round((elbow + wrist) / 2).astype(int)
-        colour = image[row, column].astype(int)
-        assert np.abs(colour - own).sum() < 30 < np.abs(colour - other).sum()
+    for side, own, dash in (("right", RIGHT, PAPER), ("left", LEFT, LEFT)):
+        ends = [names.index(f"{side}_{part}") for part in ("forearm", "hand")]
+        elbow, wrist = painter.pixels(origin[ends])
+        for share, expected in ((0.5, own), (0.3, dash)):
+            column, row = np.round(elbow + share * (wrist - elbow)).astype(int)
+            assert np.abs(image[row, column].astype(int) - expected).sum() < 60
 
 
 def test_body_out_of_sight_leaves_the_picture_alone():

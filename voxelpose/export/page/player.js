@@ -9,7 +9,9 @@ import { Viewpoint } from "./viewpoint.js";
 
 export const CLAY = [214, 205, 192];
 const UNKNOWN = [120, 128, 136];
-// Left and right stay apart for every kind of colour vision: blue against orange, as in the overlays.
+// Left and right stay apart for every kind of colour vision: blue against orange, whose bones are
+// dashed, as in the overlays.
+const DASHES = [[0, 0.4], [0.6, 1]];
 const SIDES = { left: [58, 158, 255], right: [255, 130, 38], middle: [110, 214, 196] };
 // Vermilion over yellow to blue, likewise.
 const RAMP = [[213, 62, 20], [244, 190, 60], [64, 132, 214]];
@@ -155,8 +157,9 @@ export class Player {
         const [start, end] = [points[body.bones[2 * bone]], points[body.bones[2 * bone + 1]]];
         const width = Math.min(0.016, 0.16 * norm(minus(end, start))) * Math.min(size, 1.2);
         const before = faces.length;
-        boneFaces(start, end, width, faces, normals);
-        const colour = body.colour ? mixed(body.colour, [255, 255, 255], 0.5) : SIDES[sideOf(body.parts[body.partOf(bone)])];
+        const side = sideOf(body.parts[body.partOf(bone)]);
+        for (const dash of side === "right" ? DASHES : [[0, 1]]) boneFaces(...dash.map((at) => mixed(start, end, at)), width, faces, normals);
+        const colour = body.colour ? mixed(body.colour, [255, 255, 255], 0.5) : SIDES[side];
         for (let n = before; n < faces.length; n += 3) colours.push(...colour);
       }
       for (const end of new Set(body.bones)) jointFaces(points[end], JOINT, faces, normals);
@@ -322,7 +325,7 @@ export class Player {
     const ends = [0, 0.25, 0.5, 0.75, 1].map(ramp);
     if (this.bodies.length > 1) this.bodies.forEach((one, k) => this.people[k] && lines.push(swatch([one.colour], shownName(one))));
     else if (this.sided && (skeleton || (body && this.colouring === "sides"))) {
-      for (const side of ["left", "right", "middle"]) lines.push(swatch([SIDES[side]], `${side}: skeleton and body`));
+      for (const side of ["left", "right", "middle"]) lines.push(swatch([SIDES[side]], `${side}: skeleton${side === "right" ? ", dashed," : ""} and body`));
     }
     if (first && body && this.colouring === "inside") {
       lines.push(swatch(ends, "body: share of the part inside the hull, 0 to 100 %"), swatch([UNKNOWN], "part too small to be measured"));

@@ -1,10 +1,11 @@
 // Draws a scene with WebGL: what is opaque first, then what shines through, the skeleton last.
 
 import { programs } from "./shaders.js";
-import { add, cross, minus, scaled, unit } from "./space.js";
+import { add, cross, dot, minus, scaled, unit } from "./space.js";
 
 const NOT_FLAT = -1e6;
 const NEAR = 0.1;  // part of the depth that is kept for what is drawn over all else
+const QUICK = 4e5;  // pixels of a picture while it moves, where there is no graphics card
 const CELL = 0.5;  // of the floor's grid, m
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 const IDENTITY = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
@@ -28,6 +29,16 @@ function solid(faces, round = false) {
     return face.flatMap((corner) => (round ? unit(corner) : flat));
   });
   return { positions: new Float32Array(positions), normals: new Float32Array(normals) };
+}
+
+// Whether the corners of a body's faces go anticlockwise, seen from outside: its volume is positive.
+function isOutward({ faces, vertices }) {
+  let volume = 0;
+  for (let k = 0; k < faces.length; k += 3) {
+    const [a, b, c] = [0, 1, 2].map((n) => vertices.subarray(3 * faces[k + n], 3 * faces[k + n] + 3));
+    volume += dot(a, cross(b, c));
+  }
+  return volume > 0;
 }
 
 // Triangles of a line of the skeleton: two pyramids, thickest near the start.
@@ -73,12 +84,13 @@ export class Renderer {
     this.screen = this.mesh("picture", { position: [new Float32Array(16), 4], corner: [new Float32Array([0, 0, 1, 0, 1, 1, 0, 1]), 2] });
   }
 
-  // Begins a picture of the size of the canvas; `camera` takes the world to clip coordinates. `fine`:
-  // with smooth edges.
+  // Begins a picture of the canvas; `camera` takes the world to clip coordinates. `fine`: with smooth
+  // edges, else with as many pixels as a processor draws in time.
   begin(camera, eye, fine) {
     const { canvas, gl } = this;
-    const dense = fine ? 2 : 1;
-    const size = [canvas.clientWidth, canvas.clientHeight].map((side) => Math.max(1, Math.round(side * dense)));
+    const { clientWidth: width, clientHeight: height } = canvas;
+    const dense = fine ? 2 : Math.min(1, Math.sqrt(QUICK / Math.max(width * height, 1)));
+    const size = [width, height].map((side) => Math.max(1, Math.round(side * dense)));
     if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
     gl.viewport(0, 0, ...size);
     gl.clearColor(...this.background, 1);
@@ -86,7 +98,7 @@ export class Renderer {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.depthRange(NEAR, 1);
     gl.enable(gl.DEPTH_TEST);
-    Object.assign(this, { camera, eye });
+    Object.assign(this, { camera, eye, fine });
   }
 
   buffer(data, target = this.gl.ARRAY_BUFFER) {
@@ -154,9 +166,12 @@ export class Renderer {
 
   // The surface of a body, which `place` bends.
   skin(body) {
+    const { gl } = this;
     const [positions, normals] = [new Float32Array(body.vertices.length), new Float32Array(body.vertices.length)];
     const colours = new Uint8Array(body.vertices.length);
-    return { body, positions, normals, colours, mesh: this.surface(positions, normals, colours, body.faces) };
+    const mesh = this.surface(positions, normals, colours, body.faces);
+    mesh.outside = isOutward(body) ? gl.CCW : gl.CW;
+    return { body, positions, normals, colours, mesh };
   }
 
   texture() {
@@ -316,6 +331,10 @@ export class Renderer {
     gl.uniform3f(at.eye, ...this.eye);
     gl.uniform1f(at.opacity, opacity);
     gl.bindVertexArray(mesh.array);
+    // Of a body that moves, what faces away is left out: without a graphics card every triangle counts.
+    if (mesh.outside && !this.fine) gl.enable(gl.CULL_FACE);
+    else gl.disable(gl.CULL_FACE);
+    gl.frontFace(mesh.outside ?? gl.CCW);
     if (mesh.instances) gl.drawArraysInstanced(gl.TRIANGLES, 0, mesh.count, mesh.instances);
     else if (mesh.faces) gl.drawElements(gl.TRIANGLES, mesh.count, mesh.faces, 0);
     else gl.drawArrays(gl.TRIANGLES, 0, mesh.count);

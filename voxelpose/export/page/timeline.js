@@ -31,7 +31,7 @@ export class Timeline {
     this.image = make("canvas");
     this.cursor = make("i", { class: "cursor" });
     this.strip = make("div", {
-      class: "strip", tabIndex: 0, role: "slider", "aria-label": "Frame",
+      class: "strip", tabIndex: 0, role: "slider", "aria-label": "Frame", title: bodies[0]?.measure ?? "",
       "aria-valuemin": scene.first, "aria-valuemax": scene.first + scene.count - 1,
     }, this.image, this.cursor);
     const speed = choice("Speed", SPEEDS.map((value) => [value, `${value}×`]), 1, (value) => this.faster(Number(value)));
@@ -231,6 +231,5 @@ export class Timeline {
     this.text.lastChild.textContent = trusts.filter(Boolean).join(" · ");
     strip.setAttribute("aria-valuenow", this.frame);
     strip.setAttribute("aria-valuetext", `${words}, ${trusts.join(", ")}`);
-    strip.title = this.bodies[0]?.measure ?? "";
   }
 }

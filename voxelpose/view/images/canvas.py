@@ -18,7 +18,8 @@ def bgr(code: str) -> Colour:
     return blue, green, red
 
 
-# Left and right stay apart for every kind of colour vision: blue against orange.
+# Left and right stay apart for every kind of colour vision: blue against orange, whose bones are
+# dashed.
 LEFT, RIGHT, MIDDLE = bgr("#3a9eff"), bgr("#ff8226"), bgr("#6ed6c4")
 PEOPLE: tuple[Colour, ...] = tuple((blue, green, red) for red, green, blue in COLOURS)
 """Of several people, one after the other."""
@@ -80,6 +81,12 @@ def segments(image: Image, ends: NDArray[np.float64], colour: Colour, width: int
     """Draws lines between pairs of pixels (S, 2, 2) in place, without those not finite."""
     lines = _fixed_point(ends.reshape(-1, 4)).reshape(-1, 2, 2)
     cv2.polylines(image, list(lines), False, colour, width, cv2.LINE_AA, _SHIFT)
+
+
+def dashed(ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Three dashes (3 S, 2, 2) of each line between pairs of pixels (S, 2, 2)."""
+    start, stop = ends[:, :1], ends[:, 1:]
+    return (start + np.linspace(0, 1, 6)[:, None] * (stop - start)).reshape(-1, 2, 2)
 
 
 def dots(image: Image, points: NDArray[np.float64], radius: float, colour: Colour) -> None:

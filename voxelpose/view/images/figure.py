@@ -144,8 +144,9 @@ class FigurePainter:
         ends = joints[self._ends]
         canvas.segments(image, ends, canvas.PAPER, line + 3)
         for colour in _SIDES:
-            coloured = [bone[2] == colour for bone in self._bones]
-            canvas.segments(image, ends[coloured], colour, line + 1)
+            bones = ends[[bone[2] == colour for bone in self._bones]]
+            drawn = canvas.dashed(bones) if colour == canvas.RIGHT else bones
+            canvas.segments(image, drawn, colour, line + 1)
         marked = joints[np.unique(self._ends)]
         canvas.dots(image, marked, line + 1.3, canvas.PAPER)
         canvas.dots(image, marked, line + 0.3, canvas.INK)

@@ -134,8 +134,10 @@ class ContactSheet:
         if len(self.models) > 1:
             pairs = zip(range(len(self.models)), cycle(canvas.PEOPLE), strict=False)
             return [(f"person {k + 1}", colour) for k, colour in pairs][::-1]
-        sides = ("middle", canvas.MIDDLE), ("right side", canvas.RIGHT), ("left side", canvas.LEFT)
-        return list(sides) if canvas.has_sides(self.models[0].names) else []
+        if not canvas.has_sides(self.models[0].names):
+            return []
+        right = "right side, bones dashed", canvas.RIGHT
+        return [("middle", canvas.MIDDLE), right, ("left side", canvas.LEFT)]
 
 
 class _View:
