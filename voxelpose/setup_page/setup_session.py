@@ -70,6 +70,7 @@ class SetupSession:
         """
         self._job, self._owns_job, self._studio = job or PageJob(), job is None, studio
         self.folder = opened.recording.folder
+        self._name = self.folder.resolve().name
         self._staging = threading.Lock()
         self._saving = threading.Lock()
         self._open(opened)
@@ -78,7 +79,7 @@ class SetupSession:
             "voxelpose.setup_page",
             {
                 "api/state": self.state,
-                "api/check": self.check_status,
+                "events": self._job.events,
                 "picture/{camera}": self.picture,
                 "painted/{kind}/{camera}": self.painted,
             },
@@ -90,7 +91,7 @@ class SetupSession:
                 "api/save": self.save,
                 "api/check/start": self.start_check,
                 "api/check/repair": self.repair,
-                "api/check/stop": self.stop_check,
+                "api/stop": self._job.stop,
             },
         )
 
@@ -121,7 +122,7 @@ class SetupSession:
         return {
             "seen": self._files_digest(),
             "folder": str(self.folder),
-            "name": self.folder.resolve().name,
+            "name": self._name,
             "studio": self._studio,
             "moments": recording.frame_count,
             "numbers": None if many else recording.numbers.tolist(),
@@ -247,21 +248,14 @@ class SetupSession:
         frame = UprightFrame(frame.rotation, height_m)
         return {"up": axis_name(frame.up), "cameras": ground_lines(self._recording.rig, frame)}
 
-    def start_check(self) -> dict[str, Any]:
+    def start_check(self) -> None:
         """Begins the check of the cameras. InputError where it is not possible."""
         self._require("check")
-        self._job.start("check", self.folder.name, find_disagreement, self._recording)
-        return self.check_status()
+        self._job.start("check", self._name, find_disagreement, self._recording)
 
     def check_status(self) -> dict[str, Any]:
         """How far the check of this folder is, or what it found; see `PageJob.status`."""
-        return self._job.status("check", self.folder.name)
-
-    def stop_check(self) -> dict[str, Any]:
-        """Ends the check of this folder, if it is running."""
-        if self.check_status()["state"] == "running":
-            self._job.stop()
-        return self.check_status()
+        return self._job.status("check", self._name)
 
     def repair(self) -> dict[str, Any]:
         """Writes the files that the check has repaired, keeps those before, and opens the folder
@@ -359,4 +353,5 @@ class SetupServer(GatedServer):
 
     def __init__(self, session: SetupSession, address: Address) -> None:
         """Starts, in a thread of its own. InputError where the address cannot be used."""
+        self.session = session
         super().__init__(address, session.answers.answer, session.close, page_requests.LARGEST_BODY)

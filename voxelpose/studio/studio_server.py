@@ -3,8 +3,6 @@ files in and out, and the job as it goes.
 """
 
 import asyncio
-from collections.abc import Iterator
-from typing import Any
 
 import msgspec
 
@@ -25,13 +23,11 @@ from voxelpose.view.serving.gate import (
 )
 from voxelpose.view.serving.page_answers import (
     PageAnswers,
-    event_stream,
     file_to_keep,
     not_understood,
     page_reply,
 )
 
-_LOOK_MS = 200  # between looks at the job
 _REPORT_POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline';"
     f" sandbox allow-scripts; {UNFRAMED}"
@@ -55,7 +51,7 @@ class StudioServer(GatedServer):
                 "api/calibration": session.calibration.state,
                 "api/live": session.live.state,
                 "api/cameras": session.recording.state,
-                "events": lambda: event_stream(self._statuses(), _LOOK_MS),
+                "events": session.job.events,
                 "preview": self._preview,
                 "still": session.picture,
                 "rig": lambda project: (session.folder.project(project) / RIG_PICTURE).read_bytes(),
@@ -125,20 +121,6 @@ class StudioServer(GatedServer):
         if len(request.path) == parts + 2:
             await asyncio.to_thread(self._session.open_viewer, name)
         return await self._session.viewers.browser(name).answer(request.below(parts + 2))
-
-    def _statuses(self) -> Iterator[dict[str, Any] | None]:
-        """Numbers of all jobs in their `order`, and the states that have `changed`, else None."""
-        job, sent_version = self._session.job, -1
-        sent: dict[int, dict[str, Any]] = {}
-        while True:
-            version = job.version
-            if version == sent_version:
-                yield None
-                continue
-            states = {state["number"]: state for state in job.states()}
-            changed = [state for number, state in states.items() if state != sent.get(number)]
-            yield {"order": list(states), "changed": changed}
-            sent_version, sent = version, states
 
     def _preview(self, camera: str) -> bytes:
         picture = self._session.job.picture(camera)

@@ -97,13 +97,13 @@ def test_foreign_and_odd_requests_write_nothing(local, folder, headers, status):
 
 def test_a_connection_carries_one_request(local):
     link = socket.create_connection(("127.0.0.1", local.port), timeout=5)
-    head = f"GET /api/check HTTP/1.1\r\nHost: 127.0.0.1:{local.port}\r\n\r\n".encode()
-    link.sendall(head + head.replace(b"/api/check", b"/api/state"))
+    head = f"GET /api/state HTTP/1.1\r\nHost: 127.0.0.1:{local.port}\r\n\r\n".encode()
+    link.sendall(head + head.replace(b"/api/state", b"/style.css"))
     answer = b""
     while piece := link.recv(65536):
         answer += piece
     link.close()
-    assert answer.count(b"HTTP/1.1 200") == 1 and b"idle" in answer
+    assert answer.count(b"HTTP/1.1 200") == 1 and b"moments" in answer
 
 
 def test_the_page_loads_nothing_from_elsewhere(local):
@@ -250,10 +250,10 @@ def test_the_check_runs_beside_and_says_what_calibrate_check_says(tmp_path):
     walk = staged(tmp_path / "walk")
     expected = check_recording(Recording.open(walk))
     with served(walk) as server:
-        assert ask(server, "/api/check")[1] == {"state": "idle"}
-        status, content = ask(server, "/api/check/start", {})
-        assert status == 200 and content["state"] == "running"
-        while (content := ask(server, "/api/check")[1])["state"] == "running":
+        check = server.session.check_status
+        assert check() == {"state": "idle"}
+        assert ask(server, "/api/check/start", {}) == (200, {})
+        while (content := check())["state"] == "running":
             assert ask(server, "/api/ground", {})[0] == 200  # meanwhile
         assert content["state"] == "done" and content["summary"] == expected.agreement.summary
         assert [line["camera"] for line in content["cameras"]] == ["cam_1", "cam_2", "cam_3"]
@@ -274,7 +274,7 @@ def test_a_turned_camera_is_repaired_from_the_page(tmp_path):
         status, content = ask(server, "/api/check/repair", {})
         assert status == 400 and "check the cameras first" in content["error"]
         ask(server, "/api/check/start", {})
-        while (found := ask(server, "/api/check")[1])["state"] == "running":
+        while (found := server.session.check_status())["state"] == "running":
             time.sleep(0.1)
         assert "press Repair" in found["findings"][0]["remedy"] and not found["agrees"]
         file.write_text(file.read_text() + "# by somebody else\n")
@@ -282,7 +282,7 @@ def test_a_turned_camera_is_repaired_from_the_page(tmp_path):
         assert status == 400 and "have changed since: check again" in content["error"]
         file.write_bytes(before)
         assert ask(server, "/api/check/repair", {}) == (200, {"written": ["calibration.toml"]})
-        assert ask(server, "/api/check")[1] == {"state": "idle"}
+        assert server.session.check_status() == {"state": "idle"}
         assert ask(server, "/api/state")[1]["fault"] == ""
         moved = read_rig(file)["cam_3"]
         assert pose_difference(moved, true["cam_3"])[1] < 0.6
@@ -309,11 +309,12 @@ def test_of_several_repairs_the_files_before_the_first_are_kept(tmp_path):
 
 def test_a_check_can_be_stopped_and_ends_with_the_session(tmp_path):
     with served(staged(tmp_path / "walk")) as server:
-        assert ask(server, "/api/check/start", {})[1]["state"] == "running"
+        assert ask(server, "/api/check/start", {})[0] == 200
         status, content = ask(server, "/api/check/start", {})
         assert status == 400 and "the check of walk is still running" in content["error"]
-        assert ask(server, "/api/check/stop", {})[0] == 200
-        while ask(server, "/api/check")[1]["state"] == "running":
+        number = server.session.check_status()["number"]
+        assert ask(server, "/api/stop", {"number": number})[0] == 200
+        while server.session.check_status()["state"] == "running":
             time.sleep(0.05)
-        assert ask(server, "/api/check")[1]["state"] == "stopped"
-        assert ask(server, "/api/check/start", {})[1]["state"] == "running"
+        assert server.session.check_status()["state"] == "stopped"
+        assert ask(server, "/api/check/start", {})[0] == 200

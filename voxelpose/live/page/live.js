@@ -3,6 +3,7 @@
 import { getJson, postJson } from "./api.js";
 import { Body, unpacked } from "./body.js";
 import { checkbox, css, make, notice, swatch } from "./elements.js";
+import { barOfStudio } from "./job_bar.js";
 import { Player } from "./player.js";
 import { drawPictures, filmed, otherPoses, part } from "./shown_frame.js";
 
@@ -15,6 +16,7 @@ class Live {
   constructor(scene) {
     Object.assign(this, { scene, people: scene.colours.map((colour) => ({ colour, there: false })), turn: 0 });
     this.#addParts();
+    barOfStudio();
     this.player = new Player(document.body, scene, this);
     const events = new EventSource("events");
     events.addEventListener("message", ({ data }) => {

@@ -81,14 +81,9 @@ export function checkPanel(app) {
   const running = check.state === "running";
   const label = running ? "Checking …" : check.state === "idle" ? "Check the cameras" : "Check again";
   body.push(make("div", { class: "row" },
-    button(label, () => app.startCheck(), { class: "main", id: "start_check", disabled: running || Boolean(state.refused.check) }),
-    running && button("Stop", () => app.ask("api/check/stop"), { id: "stop_check" })));
+    button(label, () => app.ask("api/check/start"), { class: "main", id: "start_check", disabled: running || Boolean(state.refused.check) })));
   if (app.store.dirtyParts.some((part) => part !== "points") && !state.refused.check) {
     body.push(make("p", { class: "note" }, "It reads the folder: save first what is to count."));
-  }
-  if (running) {
-    const bar = make("progress", check.total ? { max: check.total, value: check.done } : {});
-    body.push(bar, make("p", { class: "note" }, `${check.stage}${check.total ? `, ${check.done} of ${check.total}` : ""}`));
   }
   if (check.state === "failed") body.push(refusal(check.error));
   if (check.state === "done") body.push(...findings(app, check));

@@ -1,6 +1,6 @@
 // The page: cameras in the middle, steps at the side, time below.
 
-import { getJson, postJson } from "./api.js";
+import { postJson } from "./api.js";
 import { CamerasPage, openPage } from "./cameras_page.js";
 import { DrawingPointer, polygonsOf } from "./drawing_pointer.js";
 import { checkPanel, floorPanel, silhouettesPanel } from "./findings.js";
@@ -41,7 +41,7 @@ class SetupPage extends CamerasPage {
     this.store.addEventListener("change", () => this.changed());
     this.changed();
     this.seek(this.moment);
-    getJson("api/check").then((check) => Object.assign(this, { check }).watchCheck()).catch(() => {});
+    new JobBar(state.studio, (jobs) => this.watchCheck(jobs));
   }
 
   // What the page of cameras lacks.
@@ -53,7 +53,6 @@ class SetupPage extends CamerasPage {
       tool("save", "Save", "Write the changes into the recording's folder (Ctrl+S)", () => this.save(), "main"));
     if (state.studio) {
       addRail("check", state.studio, state.name);
-      new JobBar(state.studio);
       document.querySelector("h1 span").textContent = "studio";
       document.querySelector("header").append(make("a", { id: "next", class: "button", href: addressOf("fit", state.studio, state.name) }, "Next: Estimate"));
     }
@@ -307,24 +306,11 @@ class SetupPage extends CamerasPage {
     by("picture").showModal();
   }
 
-  async startCheck() {
-    try {
-      this.check = await postJson("api/check/start", {});
-      await this.watchCheck();
-    } catch (error) {
-      this.check = { state: "failed", error: error.message };
-    }
-    this.show();
-  }
-
-  // Shows a check until its end; one that was begun before the page was loaded, too.
-  async watchCheck() {
-    while (this.check.state === "running") {
-      this.show();
-      await new Promise((done) => setTimeout(done, 300));
-      this.check = await getJson("api/check");
-    }
-    this.show();
+  // Shows the check of this folder whenever it begins or ends.
+  watchCheck(jobs) {
+    const before = this.check;
+    this.check = jobs.findLast(({ kind, of }) => kind === "check" && of === this.store.state.name) ?? { state: "idle" };
+    if (this.check.number !== before.number || this.check.state !== before.state) this.show();
   }
 
   async repair() {

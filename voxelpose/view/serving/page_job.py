@@ -6,20 +6,25 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
 from multiprocessing.connection import Connection
 from typing import Any
 
+import msgspec
+
 from calib.errors import InputError
 from silhouette_core.progress import OverallProgress
 from silhouette_core.workers import Child
+from voxelpose.view.serving.gate import Reply
+from voxelpose.view.serving.page_answers import event_stream
 from voxelpose.view.serving.page_words import field_at_fault
 
 _STOP_S = 8  # after which a process that does not end is killed
 _TELL_EVERY_MS = 100
+_LOOK_MS = 200  # between looks at the jobs
 _SURE_PERCENT = 4  # of the work from which the time that is left is told
 _MOST_NOTES = 50
 _MOST_ENDED = 20
@@ -148,9 +153,27 @@ class PageJob:
     def states(self) -> list[dict[str, Any]]:
         """States of all jobs, each with its number: those that have ended, the one that runs, and
         those that wait for it ("waiting"). "interrupted": by an earlier end of the program.
+        `into`: the folder that is asked for, or "".
         """
         with self._lock:
             return [dict(job.state) for job in self._jobs]
+
+    def events(self) -> Reply:
+        """A stream of the numbers of all jobs in their `order`, and the states that `changed`."""
+
+        def changes() -> Iterator[dict[str, Any] | None]:
+            sent_version, sent = -1, dict[int, dict[str, Any]]()
+            while True:
+                version = self.version
+                if version == sent_version:
+                    yield None
+                    continue
+                states = {state["number"]: state for state in self.states()}
+                changed = [state for number, state in states.items() if state != sent.get(number)]
+                yield {"order": list(states), "changed": changed}
+                sent_version, sent = version, states
+
+        return event_stream(changes(), _LOOK_MS)
 
     def unfinished(self) -> list[Unfinished]:
         """The jobs that have not ended, interrupted ones too."""
@@ -218,6 +241,8 @@ class PageJob:
     def _add(self, job: _Job) -> None:
         job.state = {"state": "interrupted", "project": job.state["of"]} | job.state
         job.state |= {"number": next(self._numbers), "repeatable": job.asked is not None}
+        asked = msgspec.to_builtins(job.asked)
+        job.state["into"] = asked.get("out", "") if isinstance(asked, dict) else ""
         self._jobs.append(job)
 
     def _changed(self) -> None:

@@ -21,22 +21,34 @@ function duration(seconds) {
   return seconds < 3000 ? `${Math.ceil(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`;
 }
 
+// The bar of the studio that has opened a page below its own address, unless within another page;
+// returns the studio's address.
+export function barOfStudio() {
+  const [, studio] = /^(.*\/)(?:view\/.+|live)\/-\/$/.exec(location.pathname) ?? [];
+  if (studio && window.top === window) new JobBar(studio);
+  return studio;
+}
+
 export class JobBar {
-  // `studio` is the address of its page; `told` is called with all jobs whenever one changes, `mended`
+  // `studio` is the address of its page, null where there is none; `told` is called with all jobs whenever one changes, `mended`
   // when the program answers again.
   constructor(studio, told = () => {}, mended = () => {}) {
-    Object.assign(this, { studio, told, mended, known: new Map(), jobs: [], seen: Date.now(), open: false, drawn: "" });
+    Object.assign(this, { studio, program: studio ?? "./", told, mended, known: new Map(), jobs: [], seen: Date.now(), open: false, drawn: "" });
     this.lost = make("p", { id: "lost", role: "alert", hidden: true });
     this.rows = make("ol");
+    document.head.append(make("link", { rel: "stylesheet", href: "job_bar.css" }));
     document.querySelector("header").after(make("section", { id: "jobs", "aria-label": "Jobs" }, this.lost, this.rows));
     this.listen();
-    setInterval(() => !this.asking && Date.now() - this.seen > SILENT_MS && this.lose(), LOOK_MS);
+    setInterval(() => !this.asking && !document.hidden && Date.now() - this.seen > SILENT_MS && this.lose(), LOOK_MS);
     addEventListener("pagehide", () => this.events.close());
+    // Browsers keep six connections to a program: tabs that nobody looks at leave theirs to others.
+    document.addEventListener("visibilitychange", () => (document.hidden ? this.events.close() : !this.asking && this.listen()));
   }
 
   listen() {
     this.seen = Date.now();
-    this.events = new EventSource(`${this.studio}events`);
+    this.events?.close();
+    this.events = new EventSource(`${this.program}events`);
     this.events.addEventListener("beat", () => (this.seen = Date.now()));
     this.events.addEventListener("error", () => this.lose());
     this.events.addEventListener("message", (event) => {
@@ -60,7 +72,7 @@ export class JobBar {
       this.lost.hidden = false;
       this.lost.textContent = `No connection: ${error.message}. What you typed stays here; this page goes on by itself.`;
       await new Promise((done) => setTimeout(done, 4 * LOOK_MS));
-      error = await getJson(`${this.studio}api/state`).then(() => null, (failed) => failed);
+      error = await getJson(`${this.program}api/state`).then(() => null, (failed) => failed);
     }
     this.lost.hidden = true;
     this.rows.hidden = this.asking = false;
@@ -80,6 +92,10 @@ export class JobBar {
       const focus = document.activeElement?.id;
       this.rows.replaceChildren(...all.slice(0, this.open ? all.length : 1).map((job) => this.row(job, waiting)));
       if (all.length > 1) this.rows.firstChild.append(this.more(all.slice(1)));
+      const interrupted = ended.filter((job) => job.state === "interrupted" && job.repeatable).reverse();
+      if (interrupted.length > 1) this.rows.firstChild.append(button(`Begin all ${interrupted.length} again`, async () => {
+        for (const { number } of interrupted) await this.send("api/repeat", { number });
+      }, { class: "quiet small", id: "repeat_all" }));
       if (focus) this.rows.querySelector(`#${CSS.escape(focus)}`)?.focus();
     }
     if (!running) return;
@@ -93,13 +109,14 @@ export class JobBar {
 
   row(job, waiting) {
     const kind = nameOf(job.kind);
-    const words = { running: `${VERBS[job.kind]} ${job.of}`, waiting: `Then the ${kind} of ${job.of}` }[job.state] ?? `The ${kind} of ${job.of} ${ENDS[job.state]}`;
-    const act = (name, text, path, asked, title = text) => button(text, () => this.send(path, asked), { class: "quiet small", id: `${name}_${job.number}`, "aria-label": `${title}: ${kind} of ${job.of}`, title });
+    const of = job.into ? `${job.of} into ${job.into}` : job.of;
+    const words = { running: `${VERBS[job.kind]} ${of}`, waiting: `Then the ${kind} of ${of}` }[job.state] ?? `The ${kind} of ${of} ${ENDS[job.state]}`;
+    const act = (name, text, path, asked, title = text) => button(text, () => this.send(path, asked), { class: "quiet small", id: `${name}_${job.number}`, "aria-label": `${title}: ${kind} of ${of}`, title });
     const place = waiting.indexOf(job);
     const put = (name, text, title, number, before) => number && before && act(name, text, "api/queue", { number: number.number, other: before.number }, title);
     const begun = job.state === "running" || job.state === "waiting";
     return make("li", { class: job.state, "data-job-number": job.number },
-      make("a", { href: this.address(job) }, words),
+      make("a", this.studio === null ? {} : { href: this.address(job) }, words),
       ...(job.state === "running" ? [make("progress", { "aria-label": words }), make("small", { id: "stage_line" })] : []),
       job.error && make("small", { title: job.error }, job.error),
       ...(job.state === "waiting" ? [put("earlier", "↑", "Earlier", job, waiting[place - 1]), put("later", "↓", "Later", waiting[place + 1], job)] : []),
@@ -122,6 +139,6 @@ export class JobBar {
   }
 
   send(path, asked) {
-    return postJson(`${this.studio}${path}`, asked).catch((error) => notice(error.message));
+    return postJson(`${this.program}${path}`, asked).catch((error) => notice(error.message));
   }
 }

@@ -7,6 +7,7 @@ import { checkbox, choice, make, notice, swatch } from "./elements.js";
 import { FrameStore } from "./frame_store.js";
 import { Hull, hullLegend } from "./hull.js";
 import { Player } from "./player.js";
+import { barOfStudio } from "./job_bar.js";
 import { LIKELY, UNLIKELY, drawPictures, filmed, otherPoses, part } from "./shown_frame.js";
 
 const AREA = [90, 214, 200];
@@ -56,8 +57,9 @@ class Viewer {
 
   // To the studio, whose page shows this one below an address of its own.
   #linkBack() {
-    const [, studio, result] = /^(.*\/)view\/(.+)\/-\/$/.exec(location.pathname) ?? [];
+    const studio = barOfStudio();
     if (!studio) return;
+    const result = location.pathname.slice(studio.length + "view/".length, -"/-/".length);
     const project = result.includes("/") ? "" : this.state.recording;
     const address = `${studio}#view/${encodeURIComponent(project)}/${encodeURIComponent(decodeURIComponent(result))}`;
     document.querySelector("h1").before(make("a", { href: address, target: "_top" }, "← Studio"));
