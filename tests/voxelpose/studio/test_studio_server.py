@@ -296,6 +296,7 @@ def test_a_job_that_was_interrupted_is_named_and_begun_again(desk):
         assert other._session.job.states() == []  # it is the first one's
         first, second = server._session.job.states()
         assert (first["state"], first["kind"], first["of"]) == ("interrupted", "fit", "walk")
+        assert [first["into"], second["into"]] == ["fitted", "more"]
         assert [one["name"] for one in ask(server, "/api/state")[1]["projects"]] == ["walk"]
         assert ask(server, "/api/repeat", {"number": second["number"]})[0] == 200
         assert ask(server, "/api/repeat", {"number": 99})[0] == 400
