@@ -30,8 +30,8 @@ export function barOfStudio() {
 }
 
 export class JobBar {
-  // `studio` is the address of its page, null where there is none; `told` is called with all jobs whenever one changes, `mended`
-  // when the program answers again.
+  // `studio` is the address of its page, null where there is none; `told` is called with all jobs
+  // whenever one changes, `mended` when the program answers again.
   constructor(studio, told = () => {}, mended = () => {}) {
     Object.assign(this, { studio, program: studio ?? "./", told, mended, known: new Map(), jobs: [], seen: Date.now(), open: false, drawn: "" });
     this.lost = make("p", { id: "lost", role: "alert", hidden: true });
