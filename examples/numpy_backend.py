@@ -7,7 +7,7 @@ All candidates at once where an array has room for them, drawn face by face. Reg
 
 it scores for `voxelpose fit --backend numpy`, slowly. Its tests are those of the program:
 
-    from silhouette_core.scoring.conformance import BackendConformance
+    from examples.backend_conformance import BackendConformance
 
     class TestNumpyBackend(BackendConformance):
         backend = NumpyBackend()

@@ -8,7 +8,7 @@ arguments, registered under the entry point group `silhouette_core.backends`:
 
 Both estimators score candidates through it alone, and draw them through it; `Settings.backend`
 chooses it by name. docs/architecture.md says what it does not cover, and why; examples/ has a
-backend written by this page, and `silhouette_core.scoring.conformance` tests any.
+backend written by this page, and the tests of any, `backend_conformance`.
 """
 
 from collections.abc import Sequence

@@ -15,7 +15,7 @@ from examples.numpy_backend import NumpyBackend, ResidentCopies
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
 from silhouette_core.scoring.backend import Target, load_backend
-from silhouette_core.scoring.conformance import BackendConformance
+from examples.backend_conformance import BackendConformance
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.outside import METHODS, install_backends
 
@@ -163,5 +163,5 @@ def test_scoring_kernels_and_the_programs_own_backend_are_named_where_they_belon
     # A library of poses is the same whatever scores with it.
     assert {name for name, text in files.items() if "CpuBackend" in text} == {
         "silhouette_core/monocular/tree/tree.py",
-        *(f"silhouette_core/scoring/{name}.py" for name in ("backend", "conformance", "cpu")),
+        *(f"silhouette_core/scoring/{name}.py" for name in ("backend", "cpu")),
     }

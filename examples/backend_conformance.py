@@ -1,5 +1,7 @@
 """Tests that any scoring backend passes, for the author of one.
 
+    from examples.backend_conformance import BackendConformance
+
     class TestMyBackend(BackendConformance):
         backend = MyBackend()
 
