@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from examples.backend_conformance import BackendConformance
 from examples.numpy_backend import NumpyBackend, ResidentCopies
 from silhouette_core.image.spans import Spans
 from silhouette_core.jit import set_threads
 from silhouette_core.scoring.backend import Target, load_backend
-from examples.backend_conformance import BackendConformance
 from silhouette_core.scoring.cpu import CpuBackend
 from tests.outside import METHODS, install_backends
 
