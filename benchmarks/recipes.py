@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.tailoring import Measurements, tailor
 from calib.errors import InputError
 from calib.storage.atomic import FolderWriter
 from calib.storage.documents import load_text, parse_toml
-from voxelpose.demo.mannequin import Measurements
 from voxelpose.demo.room import make_recording
 
 _LARGEST_BYTES = 10_000_000
@@ -60,7 +60,7 @@ class Recipe:
             names = [f"cam_{number}" for number in self.cameras]
             with FolderWriter(folder, overwrite=True) as partial:
                 make_recording(
-                    partial, self.frames, self.seed, self.performance, names, self.person
+                    partial, self.frames, self.seed, self.performance, names, tailor(self.person)
                 )
                 (partial / _STAMP).write_text(str(self), encoding="utf-8")
         return folder

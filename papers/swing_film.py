@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.tailoring import Measurements, tailor
 from calib.camera import Camera
 from calib.components import label_components
 from papers.swings import arm_angles
@@ -16,7 +17,6 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.background import BackgroundModel
 from silhouette_core.progress import Reporter
 from voxelpose.demo.choreography import Performance
-from voxelpose.demo.mannequin import Measurements, tailor
 from voxelpose.demo.room import FilmCamera, demo_rig
 
 SWINGS = 24  # the paper's

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.tailoring import person_of
 from papers.arm_swing import METHODS, Case, MotionModel, Row, track_arm
 from papers.swing_film import (
     FACING_DEG,
@@ -26,7 +27,6 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.monocular.tree.pose_library import PoseLibrary
 from silhouette_core.progress import Reporter
 from voxelpose.demo.choreography import Performance
-from voxelpose.demo.mannequin import person_of
 from voxelpose.results import SUMMARY, as_json
 from voxelpose.version import __version__
 

@@ -8,10 +8,11 @@ import pytest
 import trimesh
 
 from benchmarks.recipes import Recipe, read_recipes
+from benchmarks.tailoring import Measurements, tailor
 from calib.errors import InputError
 from silhouette_core.image.raster import render_parts
 from voxelpose.demo.choreography import performances
-from voxelpose.demo.mannequin import BONE_NAMES, Mannequin, Measurements, tailor
+from voxelpose.demo.mannequin import BONE_NAMES, Mannequin
 from voxelpose.evaluation import score_motion
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.truth import read_truth

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.tailoring import person_of, tailor
 from papers import arm_swing, swing_study
 from papers.arm_swing import METHODS, Case, Row, step_matrix, track_arm, window_of
 from papers.swing_film import FPS, drawn_person, drawn_swings, film
@@ -19,7 +20,6 @@ from silhouette_core.body.sizes import BodySizes
 from silhouette_core.image.distance import distances_to
 from silhouette_core.progress import SilentReporter
 from voxelpose.demo.choreography import Performance
-from voxelpose.demo.mannequin import person_of, tailor
 from voxelpose.demo.room import demo_rig
 
 

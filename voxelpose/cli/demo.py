@@ -7,9 +7,8 @@ from typing import Annotated
 from msgspec import Meta
 from tyro.conf import arg
 
-from calib.errors import InputError
 from calib.storage.atomic import write_whole
-from voxelpose.cli.arguments import BodyName, Threads
+from voxelpose.cli.arguments import Threads
 from voxelpose.cli.terminal import Progress
 
 _TRACKED = "cam_2"  # sees the performance from the front
@@ -22,8 +21,7 @@ class Demo:
     No data and no network are needed. The recording shows a mannequin, whose shape differs from the
     fitted model, from four cameras, with shadow and noise. OUT receives recording/ (an example of a
     recording folder), result/ (from all cameras), track/ (from one camera) and their scores. The
-    first run compiles the program, which takes most of its time. With --body the mannequin has the
-    stature and girths of that body, with which it is fitted. With --live a recording is played
+    first run compiles the program, which takes most of its time. With --live a recording is played
     instead, again and again, as if cameras filmed it: the page in the browser shows what `voxelpose
     live` finds.
 
@@ -41,7 +39,6 @@ class Demo:
     """Show live estimation, with a recording of six seconds, made once in OUT/live, as cameras."""
     browser: bool = True
     """Open the page of --live; --no-browser only prints its address."""
-    body: BodyName = None
     overwrite: bool = False
     """Replace an earlier demo in OUT."""
     threads: Threads = None
@@ -50,8 +47,6 @@ class Demo:
         """Renders, fits and scores the recording."""
         from voxelpose.results import Result, ResultWriter, as_json
 
-        if self.live and self.body is not None:
-            raise InputError("--body does not go with --live: leave one of them out")
         if self.live:
             self._run_live()
             return
@@ -59,8 +54,6 @@ class Demo:
             progress.note_compilation("multiview", *(["monocular"] if self.track else []))
             progress.stage("making a recording")
             from silhouette_core.estimator import Settings
-            from silhouette_core.motion.body_source import load_body, resolved_body
-            from voxelpose.demo.mannequin import person_of
             from voxelpose.demo.room import make_recording
             from voxelpose.evaluation import evaluate
             from voxelpose.fitting import Output, fit, track
@@ -68,11 +61,8 @@ class Demo:
             from voxelpose.recording.truth import TRUTH
             from voxelpose.version import __version__
 
-            options = {} if self.body is None else {"body": resolved_body(self.body)}
-            settings = Settings(threads=self.threads, options=options)
-            person = None if self.body is None else person_of(load_body(self.body))
-            filmed = make_recording(folder / "recording", self.frames, person=person)
-            recording = Recording.open(filmed)
+            settings = Settings(threads=self.threads)
+            recording = Recording.open(make_recording(folder / "recording", self.frames))
             result = fit(recording, Output(folder / "result"), settings, reporter=progress)
             truth = folder / "recording" / TRUTH
             score = evaluate(folder / "result", truth)

@@ -17,7 +17,7 @@ from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.raster import render_parts
 from voxelpose.demo import demo_table
 from voxelpose.demo.choreography import performances
-from voxelpose.demo.mannequin import COLOURS_BGR, STATURE_M, Mannequin, Measurements, tailor
+from voxelpose.demo.mannequin import COLOURS_BGR, Mannequin
 from voxelpose.recording.truth import TRUTH, write_truth
 
 SIZE = (640, 480)
@@ -223,7 +223,7 @@ def make_recording(
     seed: int = 0,
     performance: str = "three_seconds",
     cameras: Sequence[str] | None = None,
-    person: Measurements | None = None,
+    actor: Mannequin | None = None,
 ) -> Path:
     """Renders a recording: videos, empty backgrounds, calibration, subject and exact truth.
     InputError where a video cannot be written there; ValueError for fewer than one frame, or an
@@ -236,7 +236,7 @@ def make_recording(
         seed: of the sensor noise.
         performance: a name of performances.toml, or "walk".
         cameras: names of those that film, of cam_1 to cam_8; None: the performance's own.
-        person: measurements of the actor; None: the standard mannequin, 1.68 m tall.
+        actor: who performs; None: the standard mannequin, 1.68 m tall.
 
     Returns:
         The folder. Its `truth.json` holds the 15 joints of every frame.
@@ -257,10 +257,10 @@ def make_recording(
     folder = Path(folder)
     (folder / "background").mkdir(parents=True, exist_ok=True)
     rig = Rig(tuple(camera for camera in demo_rig(8) if camera.name in chosen))
-    actor = Mannequin.build() if person is None else tailor(person)
-    stature = STATURE_M if person is None else person.stature_m
     write_rig(rig, folder / "calibration.toml")
-    subject = f"stature = {stature}\n" + ('sex = "male"\n' if person is None else "")
+    sex = 'sex = "male"\n' if actor is None else ""
+    actor = actor or Mannequin.build()
+    subject = f"stature = {actor.stature_m}\n{sex}"
     (folder / "subject.toml").write_text(subject, encoding="utf-8")
     poses = [actor.pose(*played.pose_at(frame / played.fps)) for frame in range(frames)]
     for camera in rig:
@@ -276,7 +276,7 @@ def make_recording(
             (view.picture(v, actor.faces, actor.face_colour) for v, _ in poses),
         )
     joints_m = np.array([[joints[name] for name in LANDMARK_NAMES] for _, joints in poses])
-    write_truth(folder / TRUTH, joints_m, played.fps, stature)
+    write_truth(folder / TRUTH, joints_m, played.fps, actor.stature_m)
     return folder
 
 

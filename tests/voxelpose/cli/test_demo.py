@@ -37,15 +37,3 @@ def test_a_folder_worth_looking_at(desk, capsys):
 def test_impossible_length(desk, capsys):
     assert run(["demo", "--out", "demo", "--frames", "0"]) == 2
     assert not (desk / "demo").exists()
-
-
-def test_a_body_is_filmed_and_given_to_the_fit(desk, capsys):
-    words = ["demo", "--out", "demo", "--frames", "2", "--no-track", "--body", "9app"]
-    assert run(words) == 0
-    subject = (desk / "demo" / "recording" / "subject.toml").read_text()
-    assert float(subject.removeprefix("stature = ")) == pytest.approx(1.42, abs=1e-3)
-    assert 'body = "9app"' in (desk / "demo" / "result" / "settings.toml").read_text()
-    assert run([*words[:-1], "nobody", "--overwrite"]) == 2
-    assert "there is no body nobody" in capsys.readouterr().err
-    assert run([*words, "--overwrite", "--live"]) == 2
-    assert "--body does not go with --live" in capsys.readouterr().err
