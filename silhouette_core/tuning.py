@@ -249,7 +249,6 @@ class Retargeting:
     """1. Weight of a foot's two directions, and of a limb's turn about its axis, which matters
     little while it is straight."""
     hand: float = 0.1  #: 1. Weight of the hand.
-    still: float = 100.0  #: 1. Weight of a trunk that stays while its limbs move.
     rest: float = 1e-3
     """1. Weight of rest where the directions leave angles free: a spine bends evenly."""
 
@@ -338,12 +337,10 @@ class Trajectory:
     still: float = 0.3
     """1. Standard deviation of that movement over its scale."""
     stand_m: float = 0.16
-    """m. Height of the ankle above the floor up to which a foot may stand."""
-    hover_m: float = 0.08
-    """m. Scale of the robust weight of that height: somebody may jump."""
+    """m. Height of the ankle above the floor up to which a foot may stand; half of it is the scale
+    of the robust weight of that height, since somebody may jump."""
     target_m: float = 0.003
     """m. Standard deviation of a joint that was set by hand: it overrules silhouettes and steps."""
-    reached_m: float = 0.05  #: m. What stays farther from there is not reached.
 
 
 @dataclass(frozen=True)

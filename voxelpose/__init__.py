@@ -9,46 +9,29 @@ from typing import TYPE_CHECKING
 from voxelpose.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from calib.errors import InputError
-    from silhouette_core.estimator import Settings
-    from silhouette_core.image.silhouettes import Silhouettes
-    from silhouette_core.motion.conditioning import Conditioning, conditioned
-    from silhouette_core.motion.motion import Motion
-    from voxelpose.demo.room import make_recording
-    from voxelpose.evaluation import Score, evaluate, evaluate_people
-    from voxelpose.export.formats import export_motion
-    from voxelpose.fitting import Output, fit, fit_people, track
-    from voxelpose.hull import CarveSettings, Hull, carve_recording
-    from voxelpose.recording.folder import Recording
-    from voxelpose.results import Result, open_people
-    from voxelpose.scan_distance import ScanScore, evaluate_scan
-
-
-__all__ = [
-    "CarveSettings",
-    "Conditioning",
-    "Hull",
-    "InputError",
-    "Motion",
-    "Output",
-    "Recording",
-    "Result",
-    "ScanScore",
-    "Score",
-    "Settings",
-    "Silhouettes",
-    "carve_recording",
-    "conditioned",
-    "evaluate",
-    "evaluate_people",
-    "evaluate_scan",
-    "export_motion",
-    "fit",
-    "fit_people",
-    "make_recording",
-    "open_people",
-    "track",
-]
+    from calib.errors import InputError as InputError
+    from silhouette_core.estimator import Settings as Settings
+    from silhouette_core.image.silhouettes import Silhouettes as Silhouettes
+    from silhouette_core.motion.conditioning import Conditioning as Conditioning
+    from silhouette_core.motion.conditioning import conditioned as conditioned
+    from silhouette_core.motion.motion import Motion as Motion
+    from voxelpose.demo.room import make_recording as make_recording
+    from voxelpose.evaluation import Score as Score
+    from voxelpose.evaluation import evaluate as evaluate
+    from voxelpose.evaluation import evaluate_people as evaluate_people
+    from voxelpose.export.formats import export_motion as export_motion
+    from voxelpose.fitting import Output as Output
+    from voxelpose.fitting import fit as fit
+    from voxelpose.fitting import fit_people as fit_people
+    from voxelpose.fitting import track as track
+    from voxelpose.hull import CarveSettings as CarveSettings
+    from voxelpose.hull import Hull as Hull
+    from voxelpose.hull import carve_recording as carve_recording
+    from voxelpose.recording.folder import Recording as Recording
+    from voxelpose.results import Result as Result
+    from voxelpose.results import open_people as open_people
+    from voxelpose.scan_distance import ScanScore as ScanScore
+    from voxelpose.scan_distance import evaluate_scan as evaluate_scan
 
 _NAMES = {
     "calib.errors": "InputError",
@@ -78,4 +61,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *_MODULES})

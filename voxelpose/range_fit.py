@@ -23,8 +23,8 @@ from silhouette_core.motion.pose import JointTarget
 from silhouette_core.progress import Reporter
 from silhouette_core.refinement.landmark_prior import target_gaps
 from silhouette_core.setting_types import nearest
-from silhouette_core.tuning import TRAJECTORY
 from voxelpose.corrections import Correction, FitAgain
+from voxelpose.multiview.quality.quality import NEAR_MM
 from voxelpose.results import Result
 from voxelpose.view.viewer.result_scenes import open_fitted_recording
 
@@ -79,7 +79,7 @@ def fit_with_targets(
                 camera = one.camera
     known = _targets(made, targets)
     motion = _fitted(result, camera, (start, stop), known, reporter)
-    _check_targets(motion, targets, TRAJECTORY.reached_m)
+    _check_targets(motion, targets, NEAR_MM / 1000)
     common, rows, rows_before = np.intersect1d(motion.frames, before.frames, return_indices=True)
     gaps_m = motion.landmarks()[rows] - before.landmarks()[rows_before]
     far_m = np.linalg.norm(gaps_m, axis=2).mean(axis=1)

@@ -126,7 +126,7 @@ def limbs_exchanged(motion: Motion, rows: BoolArray, limbs: Limbs) -> Motion:
         targets = Targets(model)
         for part in carrying:
             for axis in np.eye(3):
-                targets.add(model.names[part], axis, rotation[:, part] @ axis, RETARGETING.still)
+                targets.add(model.names[part], axis, rotation[:, part] @ axis, 1 / RETARGETING.rest)
         for side, other, start_m in zip(sides, sides[::-1], starts_m, strict=True):
             for k, (part, end) in enumerate(pairwise(side)):
                 way = origin[:, other[k + 1]] - start_m[:, k]

@@ -202,7 +202,7 @@ def _add_floor(
     up = np.tile([0.0, 0.0, 1.0], (len(touching), 1))
     # All points together count as one: they are of one foot.
     weight = 1.0 / (TRAJECTORY.foot_m**2 * len(touching))
-    above = np.maximum(height[touching], 0.0) / TRAJECTORY.hover_m
+    above = np.maximum(height[touching], 0.0) / (0.5 * TRAJECTORY.stand_m)
     add_normal_equations(
         surface.jacobian(posed, touching, up),
         weight / (1 + above**2) ** 2,

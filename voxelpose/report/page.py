@@ -179,7 +179,6 @@ def _contents(
         "right": RIGHT,
         "noun": noun_of(result),
         "sided": has_sides(result.motion.model.names),
-        "parts_count": len(result.motion.model.names),
     }
 
 

@@ -85,15 +85,6 @@ def test_the_page(served):
         page.get_by_text("no pose was found in this frame").wait_for()
         page.keyboard.press("End")
         carved(page)
-        before = shown(page)
-        page.get_by_label("Part", exact=True).select_option(label="left thigh")
-        page.get_by_text("Matched with").wait_for()
-        changed = shown(page)
-        new = abs(changed - before).max(axis=2) > 20
-        turquoise = (changed[..., 0] - changed[..., 2] > 40) & (
-            changed[..., 1] - changed[..., 2] > 40
-        )
-        assert np.count_nonzero(new & turquoise) > 50  # the movable area is drawn
         page.set_viewport_size({"width": 420, "height": 800})  # as of a telephone
         space, panel = (page.locator(name).bounding_box() for name in (".space", ".panel"))
         assert space["width"] == 420 and space["height"] > 450
@@ -279,7 +270,6 @@ def test_what_is_asked_for_wrongly_is_refused(served):
     for path, words in {
         "api/frame?frame=99": "there is no frame 99: it goes from 0 to 3",
         "api/frame?frame=x": "not understood: Expected `int`",
-        "api/area?frame=1&part=tail": "no movable area of a part 'tail'",
         "picture/cam_9?frame=1": "there is no camera 'cam_9'",
     }.items():
         with pytest.raises(HTTPError) as refused:
@@ -335,7 +325,7 @@ def test_other_machines_need_a_token(served):
 
 @pytest.mark.slow
 def test_the_page_of_an_animal(desk):
-    """Its own parts are offered, and seen from as far as its size asks for."""
+    """It is seen from as far as its size asks for."""
     _, motion = write_example_result(desk, "quadruped", pictures=False)
     browser = Browser(ResultScenes("quadruped_fit", voxel_size_m=0.04), Address(port=8392), 2)
     away_m = np.linalg.norm(got(browser, "api/scene")["eye"] - np.median(motion.root_m, axis=0))
@@ -343,7 +333,5 @@ def test_the_page_of_an_animal(desk):
     with new_page(900, 600) as (page, faults):
         page.goto(browser.url)
         page.get_by_text("Frame 2,").wait_for(timeout=60_000)
-        page.get_by_label("Part", exact=True).select_option(label="left hind upper")
-        page.get_by_text("The left hind upper could be").wait_for(timeout=60_000)
         assert not faults
     browser.close()

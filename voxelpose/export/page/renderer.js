@@ -8,6 +8,7 @@ const NEAR = 0.1;  // part of the depth that is kept for what is drawn over all 
 const QUICK = 4e5;  // pixels of a picture while it moves, where there is no graphics card
 const CELL = 0.5;  // of the floor's grid, m
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
+const KINDS = { Float32Array: "FLOAT", Int8Array: "BYTE", Uint8Array: "UNSIGNED_BYTE", Uint16Array: "UNSIGNED_SHORT", Uint32Array: "UNSIGNED_INT" };
 const IDENTITY = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
 
 // A cube and an octahedron around the origin, one unit wide: positions and normals.
@@ -127,11 +128,7 @@ export class Renderer {
   }
 
   #kind(data) {
-    const { gl } = this;
-    return {
-      Float32Array: gl.FLOAT, Int8Array: gl.BYTE, Uint8Array: gl.UNSIGNED_BYTE, Uint16Array: gl.UNSIGNED_SHORT,
-      Uint32Array: gl.UNSIGNED_INT,
-    }[data.constructor.name];
+    return this.gl[KINDS[data.constructor.name]];
   }
 
   drop(mesh) {

@@ -10,6 +10,12 @@ const LIGHT = `
     return colour * (0.45 + 0.11 * n.z + 0.34 * key + 0.22 * front) + 0.10 * edge * edge * edge;
   }`;
 
+const TINTED = `#version 300 es
+  precision mediump float;
+  in vec4 tint;
+  out vec4 result;
+  void main() { result = tint; }`;
+
 // Meshes, once or at many places: an instance has its place and its colour. Flattened: a shadow.
 const SOLID = [`#version 300 es
   in vec3 position; in vec3 normal; in vec3 colour; in vec3 place;
@@ -24,21 +30,13 @@ const SOLID = [`#version 300 es
     vec3 c = shadow ? vec3(0.07, 0.085, 0.1) : shaded(colour, normal, normalize(eye - at));
     tint = vec4(c * opacity, opacity);
     gl_Position = camera * vec4(at, 1.0);
-  }`, `#version 300 es
-  precision mediump float;
-  in vec4 tint;
-  out vec4 result;
-  void main() { result = tint; }`];
+  }`, TINTED];
 
 const LINES = [`#version 300 es
   in vec3 position; in vec4 colour;
   uniform mat4 camera;
   out vec4 tint;
-  void main() { tint = vec4(colour.rgb * colour.a, colour.a); gl_Position = camera * vec4(position, 1.0); }`, `#version 300 es
-  precision mediump float;
-  in vec4 tint;
-  out vec4 result;
-  void main() { result = tint; }`];
+  void main() { tint = vec4(colour.rgb * colour.a, colour.a); gl_Position = camera * vec4(position, 1.0); }`, TINTED];
 
 const PICTURE = [`#version 300 es
   in vec4 position; in vec2 corner;
@@ -75,8 +73,4 @@ function linked(gl, [vertex, fragment]) {
   return { program, at, inputs };
 }
 
-export function programs(gl) {
-  return Object.fromEntries(Object.entries({
-    solid: SOLID, lines: LINES, picture: PICTURE,
-  }).map(([name, texts]) => [name, linked(gl, texts)]));
-}
+export const programs = (gl) => ({ solid: linked(gl, SOLID), lines: linked(gl, LINES), picture: linked(gl, PICTURE) });

@@ -83,18 +83,6 @@ class LimbPlacements:
         return np.bitwise_or.reduce(self.bits[possible], axis=0)  # step (2)
 
 
-@dataclass(frozen=True, eq=False)
-class LimbArea:
-    """Where one limb could be when the matcher is about to place it."""
-
-    limb: Limb
-    voxels: np.ndarray  #: (n, 3) int64, its movable area as indices into the grid.
-    interferes: tuple[str, ...]
-    """Names of the limbs that would be matched jointly with it, its own included."""
-    disputed: np.ndarray
-    """(m, 3) int64, the voxels of its area that also lie in that of another of them."""
-
-
 def match(
     body_volume: BodyVolume,
     grid: VoxelGrid,
@@ -165,38 +153,6 @@ def match_together(
         Match(pose, search.score, explained, tuple(groups), tuple(stopped))
         for pose, groups, stopped in zip(search.poses, search.groups, search.stopped, strict=True)
     ]
-
-
-def movable_areas(
-    body_volume: BodyVolume, grid: VoxelGrid, occupancy: np.ndarray, pose: Pose
-) -> list[LimbArea]:
-    """Movable area of every limb but the root's, with its parents placed as in a given pose.
-
-    Args:
-        occupancy: (nx, ny, nz) bool, the voxels of one body.
-        pose: places the limbs that are decided before each.
-
-    Source: Iiyama, Kameda and Minoh, section 3.
-    """
-    search = _Search([(body_volume, pose)], grid, occupancy, MatchSettings())
-    search.decide_roots()
-    areas = []
-    while candidates := search.selectable():
-        for group in _interfering(candidates):
-            names = tuple(candidate.limb.name for candidate in group)
-            for candidate in group:
-                area, others = candidate.movable_area, np.zeros_like(search.taken)
-                for other in group:
-                    if other is not candidate:
-                        others |= other.movable_area
-                voxels, shared = (
-                    search.voxel_set.voxels(area),
-                    search.voxel_set.voxels(area & others),
-                )
-                areas.append(LimbArea(candidate.limb, voxels, names, shared))
-        for candidate in candidates:  # the first placement is the given pose's
-            search.decide([candidate], (0,), [pose.angles_rad])
-    return areas
 
 
 class _Search:

@@ -29,9 +29,9 @@ from scipy.ndimage import maximum_filter
 
 from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.fitted_weights import fitted_weights
-from silhouette_core.motion.kinematics import forward, joints_of, quaternions, rotation_matrices
+from silhouette_core.motion.kinematics import joints_of, place, rotation_matrices
 from silhouette_core.motion.motion import Motion
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.progress import Reporter, StageClock
 from silhouette_core.read_ahead import side_by_side
 from silhouette_core.refinement.posterior import landmark_sigma_m
@@ -239,30 +239,24 @@ class Quality:
     unexplained: float
     """Fraction of the hull's voxels that no part covers, nor a neighbour of which: a part's points
     leave gaps of a voxel."""
-    unexplained_voxels: np.ndarray  #: (n, 3) int64, indices of those voxels in the frame's grid.
 
 
 def assess(body_volume: BodyVolume, pose: Pose, frame: FrameObservation) -> Quality:
     """Agreement of a posed body with a frame's hull."""
     voxel_set = VoxelSet(frame.grid, frame.occupancy, body_volume.backend)
-    rotation, origin = forward(
-        body_volume.model,
-        pose.root_m[None],
-        quaternions(pose.root_rotation[None]),
-        pose.angles_rad[None],
-    )
+    (rotation,), (origin,) = place(body_volume.model, *PoseArrays.from_poses([pose]).arrays)
     overlap = np.full(len(body_volume.model.names), np.nan)
     union = np.zeros(voxel_set.words, np.uint64)
     for part, points in enumerate(body_volume.part_points):
         if len(points):
-            bits, empty, _ = voxel_set.cover(points, rotation[0, part][None], origin[0, part][None])
+            bits, empty, _ = voxel_set.cover(points, rotation[part][None], origin[part][None])
             overlap[part] = 1 - empty[0] / len(points)
             union |= bits[0]
     covered = np.zeros(frame.occupancy.shape, bool)
     covered[tuple(voxel_set.voxels(union).T)] = True
     near = np.asarray(maximum_filter(covered, 3), np.bool_)
-    unexplained = np.argwhere(frame.occupancy & ~near)
-    return Quality(overlap, len(unexplained) / max(len(voxel_set), 1), unexplained)
+    unexplained = np.count_nonzero(frame.occupancy & ~near)
+    return Quality(overlap, unexplained / max(len(voxel_set), 1))
 
 
 def motion_quality(

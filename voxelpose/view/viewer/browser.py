@@ -18,7 +18,7 @@ from voxelpose.export.player_scene import Stage, player_scene
 from voxelpose.results import correct
 from voxelpose.view.serving.gate import Address, GatedServer, GateRequest, Reply
 from voxelpose.view.serving.page_answers import Moment, Name, PageAnswers, Pixel, check_camera_names
-from voxelpose.view.viewer.frame_answer import area_answer, frame_answer, outlined_picture
+from voxelpose.view.viewer.frame_answer import frame_answer, outlined_picture
 from voxelpose.view.viewer.legend import OUTLYING_CM
 from voxelpose.view.viewer.result_scenes import OtherResult, ResultScenes
 from voxelpose.view.viewer.scene import Pictures
@@ -56,7 +56,6 @@ class Browser(GatedServer):
                 "": lambda: player_page(f"{scenes.name} – voxelpose view", _HEAD),
                 "api/scene": self._state,
                 "api/frame": self._frame_answer,
-                "api/area": self._area,
                 "picture/{camera}": self._picture,
             },
             {"api/corrections": self._correct, "api/fit_again": self._fit_again},
@@ -99,7 +98,6 @@ class Browser(GatedServer):
             "joints": scenes.joint_names,
             "folder": scenes.title,
             "recording": "" if scenes.recording is None else scenes.recording.folder.name,
-            "limbs": list(scenes.limb_names),
             "far_mm": 10 * OUTLYING_CM,
             "carved": scenes.recording is not None and len(scenes.rig) > 1,
             "hypotheses": scenes.has_hypotheses,
@@ -153,13 +151,6 @@ class Browser(GatedServer):
         with self._working:
             scene = self.scenes.scene(frame)
             return frame_answer(scene, None if pictures == "none" else pictures)
-
-    def _area(self, frame: Moment, part: str) -> Any:
-        self._check_frame(frame)
-        if part not in self.scenes.limb_names:
-            raise InputError(f"there is no movable area of a part {part[:40]!r}")
-        with self._working:
-            return area_answer(part, self.scenes.areas(frame), self.scenes.scene(frame).hull)
 
     def _picture(self, camera: str, frame: Moment, pictures: Pictures = "picture") -> bytes:
         """What a camera shows, large, with the outlines of the bodies."""

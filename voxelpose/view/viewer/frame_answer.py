@@ -1,6 +1,6 @@
 """What the page asks for a frame: its hull, pictures and words, as JSON."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -8,10 +8,8 @@ import numpy as np
 
 from silhouette_core.body.model import BodyModel
 from voxelpose.export.player_scene import numbers, other_poses, packed
-from voxelpose.multiview.matching.matcher import LimbArea
 from voxelpose.view.images import canvas
 from voxelpose.view.images.figure import body_parts
-from voxelpose.view.viewer import legend
 from voxelpose.view.viewer.scene import (
     CameraFrame,
     CarvedHull,
@@ -60,23 +58,6 @@ def outlined_picture(
             canvas.stroke(image, points, canvas.PAPER, line + 1, closed=True)
             canvas.stroke(image, points, colour, line, closed=True)
     return canvas.encoded(image, ".jpg", _QUALITY)
-
-
-def area_answer(part: str, areas: Mapping[str, LimbArea], hull: CarvedHull | None) -> Any:
-    """Where a part could be: a text, and places of voxels (n, 3) m."""
-    area = areas.get(part)
-    nothing = np.zeros((0, 3))
-    reach = disputed = nothing
-    if area is not None and hull is not None:
-        claimed = {tuple(voxel) for voxel in area.disputed.tolist()}
-        undisputed = [voxel for voxel in area.voxels.tolist() if tuple(voxel) not in claimed]
-        reach = hull.grid.centres(np.array(undisputed, int).reshape(-1, 3))
-        disputed = hull.grid.centres(area.disputed)
-    return {
-        "text": legend.area_text(part, dict(areas)),
-        "reach": packed(reach.astype(np.float32)),
-        "disputed": packed(disputed.astype(np.float32)),
-    }
 
 
 def _hull(hull: CarvedHull) -> dict[str, Any]:

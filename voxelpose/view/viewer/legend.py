@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from voxelpose.multiview.matching.matcher import LimbArea
 from voxelpose.people_marks import COLOURS
 from voxelpose.view.images.canvas import Colour
 
@@ -33,22 +32,6 @@ def display_name(part: str) -> str:
 def person_colour(number: int) -> Colour:
     """Colour, RGB, of one of several people, counted from 0."""
     return COLOURS[number % len(COLOURS)]
-
-
-def area_text(part: str, areas: dict[str, LimbArea]) -> str:
-    """Description of a part's movable area."""
-    if part not in areas:
-        return "There is no pose or no hull in this frame."
-    area = areas[part]
-    others = [display_name(name) for name in area.interferes if name != part]
-    reach = f"The {display_name(part)} could be in {len(area.voxels)} voxels"
-    if not others:
-        return f"{reach}; no other part claims any of them."
-    disputed = 100 * len(area.disputed) / max(len(area.voxels), 1)
-    return (
-        f"{reach}, {disputed:.0f} % of them disputed. Matched with, directly or through others:"
-        f" {', '.join(others)}."
-    )
 
 
 def css_colour(colour: Colour | NDArray[np.uint8]) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Rig
 from calib.errors import InputError
+from calib.points import nearest_point
 from silhouette_core.image.silhouettes import UndistortedView
 from silhouette_core.motion import kinematics
 from silhouette_core.motion.motion import Motion, posed_times
@@ -24,8 +25,6 @@ from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import surface
 from voxelpose.multiview.carving.observe import FrameObservation, HullObserver, body_rule
 from voxelpose.multiview.matching.body_volume import BodyVolume
-from voxelpose.multiview.matching.matcher import LimbArea, movable_areas
-from voxelpose.multiview.quality.quality import assess
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.multiview.tuning import CARVING
 from voxelpose.recording.folder import Recording, open_readers
@@ -178,21 +177,16 @@ class ResultScenes:
         self.views = PinholeViews.from_rig(Rig(self._cameras), unknown)
         tolerance = int(options.get("tolerance", 0))
         self.rule = body_rule(len(self.rig), tolerance, self.views.partly_unknown)
-        # Of those that have a movable area; none of several people, whose hulls touch.
-        self.limb_names: tuple[str, ...] = ()
-        if len(self._fitted) == 1:
-            self.limb_names = tuple(limb.name for limb in self._fitted[0].volume.limbs[1:])
         # That can be set by hand, of one person filmed by several cameras.
         self.joint_names: tuple[str, ...] = ()
         if self.motions and not self.people and self.recording and len(self.rig) > 1:
             self.joint_names = self.motions[0].model.tree.landmark_names
         self.has_hypotheses = bool(self._hypotheses)  # of a monocular track
-        self._observed_scene = lru_cache(_KEPT)(self._make_scene)
-        self._areas = lru_cache(_KEPT)(self._make_areas)
+        self._scene = lru_cache(_KEPT)(self._make_scene)
 
     def scene(self, frame: int) -> Scene:
         """The scene of one of `frames`. InputError where the recording cannot be read."""
-        return self._observed_scene(frame)[0]
+        return self._scene(frame)
 
     def camera_frames(self, frame: int) -> tuple[CameraFrame, ...]:
         """Pictures and silhouettes of a frame, without carving."""
@@ -201,14 +195,6 @@ class ResultScenes:
     def bodies(self, frame: int) -> tuple[BodyState | None, ...]:
         """The fitted bodies of a frame; None where one was not found."""
         return tuple(posed and posed[0].state(posed[1]) for posed in self._posed_bodies(frame))
-
-    def areas(self, frame: int) -> dict[str, LimbArea]:
-        """Movable areas of a frame by the name of the limb's first part; none without a hull, or of
-        several people. The limbs above are as in the pose.
-
-        Source: Iiyama, Kameda and Minoh, section 3.
-        """
-        return self._areas(frame)
 
     def part_poses(self, frame: int) -> list[PartPoses | None]:
         """Where the parts of the fitted bodies are in a frame; None where one was not found."""
@@ -226,14 +212,10 @@ class ResultScenes:
         if joint not in names or not len(rows):
             raise InputError(f"frame {frame} has no pose of a joint {joint[:40]!r}: choose another")
         near_m = motion.select(rows).landmarks()[0, names.index(joint)]
-        weight = 1e-3  # of where it was, beside that of a ray
-        matrix, vector = weight * np.eye(3), weight * near_m
-        for name, x, y in pixels:
-            camera = self.lenses[name].pinhole
-            ray = camera.rotation.T @ np.linalg.solve(camera.matrix, [x, y, 1.0])
-            across = np.eye(3) - np.outer(ray, ray) / (ray @ ray)
-            matrix, vector = matrix + across, vector + across @ camera.center_m
-        return motion.upright_frame.world_points(np.linalg.solve(matrix, vector))
+        cameras = [(self.lenses[name].pinhole, (x, y)) for name, x, y in pixels]
+        origins = np.array([camera.center_m - near_m for camera, _ in cameras]).reshape(-1, 3)
+        rays = np.array([camera.rays([pixel])[1][0] for camera, pixel in cameras]).reshape(-1, 3)
+        return motion.upright_frame.world_points(near_m + nearest_point(origins, rays))
 
     def _posed_bodies(self, frame: int) -> list[tuple[FittedBody, int] | None]:
         """The fitted bodies with the rows of their motions that hold a frame."""
@@ -273,7 +255,7 @@ class ResultScenes:
         except InputError as error:
             self.missing = f"the recording cannot be read: {error}"
 
-    def _make_scene(self, frame: int) -> tuple[Scene, FrameObservation | None]:
+    def _make_scene(self, frame: int) -> Scene:
         notes = [words for words in (self.missing, self.changed) if words]
         camera_frames, people = self.camera_frames(frame), self._posed_bodies(frame)
         posed = [camera_frame for camera_frame in people if camera_frame is not None]
@@ -293,17 +275,8 @@ class ResultScenes:
         hull = None if observation is None else _hull(observation, people)
         time_s = self.time_s.get(frame, frame / self.fps)
         hypotheses = self._hypotheses.get(frame, ())
-        scene = Scene(
-            frame,
-            time_s,
-            camera_frames,
-            hull,
-            self.bodies(frame),
-            self.names,
-            hypotheses,
-            tuple(notes),
-        )
-        return scene, observation
+        bodies, noted = self.bodies(frame), tuple(notes)
+        return Scene(frame, time_s, camera_frames, hull, bodies, self.names, hypotheses, noted)
 
     def _observe(
         self,
@@ -341,31 +314,17 @@ class ResultScenes:
         reach_m = 1.3  # of a body from its root: an arm's length above the head
         return VoxelGrid.from_bounds(root.min(0) - reach_m, root.max(0) + reach_m, coarse_m)
 
-    def _make_areas(self, frame: int) -> dict[str, LimbArea]:
-        observation, people = self._observed_scene(frame)[1], self._posed_bodies(frame)
-        if observation is None or len(people) != 1 or people[0] is None:
-            return {}
-        (fitted, row), grid = people[0], observation.grid
-        areas = movable_areas(fitted.volume, grid, observation.occupancy, fitted.pose(row))
-        return {area.limb.name: area for area in areas}
-
 
 def _hull(
     observation: FrameObservation, people: Sequence[tuple[FittedBody, int] | None]
 ) -> CarvedHull:
-    """Surface of an observed hull, and the voxels that bodies in rows leave unexplained."""
+    """Surface of an observed hull, and the bodies in rows next to it."""
     grid, occupancy = observation.grid, observation.occupancy
     vertices, faces = surface(*grid.cropped(occupancy))
-    unexplained = occupancy.copy() if any(people) else np.zeros_like(occupancy)
-    for fitted, row in filter(None, people):
-        left = np.zeros_like(occupancy)
-        quality = assess(fitted.volume, fitted.pose(row), observation)
-        left[tuple(quality.unexplained_voxels.T)] = True
-        unexplained &= left
     points = [posed[0].points(posed[1]) if posed else [] for posed in people]
     bodies = NearestBodies.of_hull(observation, points)
     outer = OuterVoxels.from_hull(observation, vertices, bodies)
-    return CarvedHull(grid, occupancy, vertices, faces, unexplained, bodies, outer)
+    return CarvedHull(grid, occupancy, vertices, faces, bodies, outer)
 
 
 def open_fitted_recording(

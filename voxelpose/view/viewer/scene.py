@@ -51,19 +51,13 @@ class CarvedHull:
     occupancy: NDArray[np.bool_]  # (nx, ny, nz) bool
     vertices_m: NDArray[np.float64]  # (V, 3) float64, vertices of its surface in the world
     faces: NDArray[np.int64]  # (F, 3) int64, triangles of its surface
-    unexplained: NDArray[np.bool_]  # (nx, ny, nz) bool, voxels that no part of a body covers
     nearest: NearestBodies  # bodies next to the voxels
     outer: OuterVoxels  # those at the surface
 
     @property
-    def unexplained_m(self) -> NDArray[np.float64]:
-        """Centres (n, 3), metres, of unexplained voxels."""
-        return self.grid.centres(np.argwhere(self.unexplained))
-
-    @property
     def far(self) -> NDArray[np.bool_]:
-        """Unexplained voxels (nx, ny, nz) that lie outside of every body's surroundings."""
-        return self.unexplained & (self.nearest.distance_m > legend.OUTLYING_CM / 100)
+        """Voxels (nx, ny, nz) that lie outside of every body's surroundings."""
+        return self.occupancy & (self.nearest.distance_m > legend.OUTLYING_CM / 100)
 
     def litres(self, voxels: NDArray[np.bool_]) -> float:
         """Volume of the true ones of some voxels, litres."""

@@ -22,13 +22,7 @@ from voxelpose.multiview.matching.body_volume import BodyVolume, VoxelSet
 from voxelpose.multiview.matching.joint_search import interference_groups
 from voxelpose.multiview.matching.kernels.bits import count_common
 from voxelpose.multiview.matching.limbs import LIMBS, sample_angles, sample_hinge, within_limits
-from voxelpose.multiview.matching.matcher import (
-    LimbPlacements,
-    MatchSettings,
-    _Search,
-    match,
-    movable_areas,
-)
+from voxelpose.multiview.matching.matcher import LimbPlacements, MatchSettings, _Search, match
 
 LIMB = {limb.name: limb for limb in LIMBS}
 LOW, HIGH = HUMAN.dof_limits_rad.T
@@ -292,29 +286,3 @@ def test_an_empty_hull_leaves_the_pose_as_it_was(body_volume):
     start, chosen = stance(body_volume.model), MatchSettings(step_rad=np.radians(40.0))
     result = match(body_volume, grid, np.zeros_like(occupancy), start, chosen)
     assert result.explained == 0 and within_limits(result.pose.angles_rad)
-
-
-def test_movable_areas_of_a_posed_body(body_volume, scene):
-    body, pose, grid, occupancy = scene
-    result = {
-        area.limb.name: area
-        for area in movable_areas(body_volume, grid, occupancy, stance(body_volume.model, TURNS))
-    }
-    assert set(result) == {limb.name for limb in LIMBS if limb.parent}
-    for name, area in result.items():
-        assert occupancy[tuple(area.voxels.T)].all()
-        assert all(name in result[other].interferes for other in area.interferes)
-        shared, voxels = (
-            set(map(tuple, voxels.tolist())) for voxels in (area.disputed, area.voxels)
-        )
-        assert shared <= voxels and bool(shared) == (len(area.interferes) > 1)
-    assert "right_thigh" in result["left_thigh"].interferes
-    assert "left_thigh" not in result["left_shin"].interferes
-    turn = quaternions(pose.root_rotation[None])
-    _, (origins_m,) = forward(body, pose.root_m[None], turn, pose.angles_rad[None])
-    hand_m = origins_m[body.names.index("left_hand")]
-    near = np.linalg.norm(grid.occupied_points(occupancy) - hand_m, axis=1) < 0.05
-    theirs = set(map(tuple, np.argwhere(occupancy)[near].tolist()))
-    forearm = set(map(tuple, result["left_forearm"].voxels.tolist()))
-    assert len(theirs & forearm) > 0.8 * len(theirs) > 0
-    assert not theirs & set(map(tuple, result["right_shin"].voxels.tolist()))

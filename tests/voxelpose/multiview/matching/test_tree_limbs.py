@@ -21,7 +21,7 @@ from tests.voxelpose.multiview.matching_scenes import (
 from voxelpose.multiview.matching import joint_search, matcher
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limbs import CHAINS, LIMBS, sample_angles, within_limits
-from voxelpose.multiview.matching.matcher import MatchSettings, match, movable_areas
+from voxelpose.multiview.matching.matcher import MatchSettings, match
 
 ROBOT, DOG, SPIDER = robot_arm(), quadruped(), spider()
 VOXEL_M = 0.03
@@ -156,16 +156,6 @@ def test_a_stopped_search_is_told_with_its_group(monkeypatch):
     found = match(volume, *hull(views(2), SPIDER, truth, VOXEL_M), start)
     assert found.stopped and set(found.stopped) <= set(found.groups)
     assert all(len(group) > 1 for group in found.stopped)
-
-
-def test_movable_areas_of_an_animal_have_its_own_names():
-    truth = posed(DOG, {})
-    areas = movable_areas(
-        BodyVolume.from_model(DOG, VOXEL_M, "cpu"), *hull(views(), DOG, truth, VOXEL_M), truth
-    )
-    names = {area.limb.name for area in areas}
-    assert set(LEGS) < names and "trunk" not in names
-    assert all(len(area.disputed) <= len(area.voxels) for area in areas)
 
 
 def ball_arm() -> BodyModel:

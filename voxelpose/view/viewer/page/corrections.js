@@ -9,8 +9,8 @@ const SIDES = ["one", "first", "last"];
 export class Corrections {
   constructor(state, player) {
     const { timeline, canvas } = player;
-    Object.assign(this, { made: state.corrections, player, timeline, seen: {} });
     const several = state.people.length > 1;
+    Object.assign(this, { made: state.corrections, player, timeline, several, person: state.people[0] ?? null, seen: {} });
     const kinds = [["sides", "exchange left and right"], ["arms", "exchange the arms' sides"], ["legs", "exchange the legs' sides"], ["trim", "keep these frames only"],
       several && ["people", "exchange two people"], state.joints.length && state.cameras.length > 2 && ["camera", "fit again without a camera"],
       state.joints.length && ["joint", "set a joint"]].filter(Boolean);
@@ -24,8 +24,6 @@ export class Corrections {
       this[name] = make("input", { type: "number", "aria-label": `${name === "first" ? "First" : "Last"} frame`, min: state.first, max: state.first + state.count - 1, value });
       this.fields[name] = make("span", { class: "end" }, word, this[name], button("here", () => (this[name].value = timeline.frame), { title: "The shown frame" }));
     }
-    this.several = several;
-    this.person = state.people[0] ?? null;
     this.note = make("p", { class: "note", role: "status" });
     canvas.addEventListener("click", (event) => this.#click(event));
     this.section = make("section", { class: "corrections" }, make("h2", {}, "Corrections"),

@@ -1,7 +1,6 @@
 // The viewer: the player, with the hulls and pictures of frames that are asked for one after the other.
 
 import { getJson } from "./api.js";
-import { unpacked } from "./body.js";
 import { Corrections } from "./corrections.js";
 import { checkbox, choice, make, notice, swatch } from "./elements.js";
 import { FrameStore } from "./frame_store.js";
@@ -10,8 +9,6 @@ import { Player } from "./player.js";
 import { barOfStudio } from "./job_bar.js";
 import { LIKELY, UNLIKELY, drawPictures, filmed, otherPoses, part } from "./shown_frame.js";
 
-const AREA = [90, 214, 200];
-const DISPUTED = [170, 110, 240];
 const LATE_S = 0.2;  // that hull and pictures may be late while playing
 
 // What the player's page lacks.
@@ -19,8 +16,7 @@ function addParts() {
   part("view").append(make("p", { class: "follows", role: "status", hidden: true }));
   part("layers").parentElement.after(
     make("section", { class: "told", "aria-live": "polite" }, make("h2", {}, "This frame"),
-      make("div", { class: "lines" }, make("p", {}, "Reading the recording …"))),
-    make("section", { class: "reach" }, make("h2", {}, "Where could a part be?"), make("div", { class: "part" }), make("p", { class: "note" })));
+      make("div", { class: "lines" }, make("p", {}, "Reading the recording …"))));
   part("keys").append(make("p", {}, "Body and skeleton play at true speed. Hull and pictures follow as they are carved: frames that are there are underlined below the strip."));
 }
 
@@ -28,7 +24,6 @@ class Viewer {
   constructor(state) {
     this.state = state;
     this.cameraKind = "both";
-    this.part = "";
     this.hull = new Hull(state);
     this.largest = {};
     this.store = new FrameStore(
@@ -42,17 +37,11 @@ class Viewer {
     });
     this.cameraChoice.hidden = !state.filmed;
     addParts();
-    part("reach").hidden = !state.limbs.length;
-    part("part").replaceChildren(choice("Part", [["", "none"], ...state.limbs.map((name) => [name, name.replaceAll("_", " ")])], "", (name) => {
-      this.part = name;
-      this.area();
-    }));
     this.player = new Player(document.body, state, this);
-    if (state.corrections) part("reach").after(new Corrections(state, this.player).section);
+    if (state.corrections) part("told").after(new Corrections(state, this.player).section);
     this.player.timeline.loaded = (index) => this.store.has(state.first + index);
     this.#linkBack();
     this.changed();
-    this.area();
   }
 
   // To the studio, whose page shows this one below an address of its own.
@@ -78,8 +67,6 @@ class Viewer {
 
   legend(player) {
     const lines = this.state.carved && player.shown.hull ? hullLegend(this.hull, player, this.state) : [];
-    if (this.part) lines.push(swatch([AREA], "where the chosen part could be (its movable area)"),
-      swatch([DISPUTED], "where another part could be, too: they are matched together"));
     if (this.state.hypotheses && player.shown.hypotheses) {
       lines.push(swatch([LIKELY, UNLIKELY].map((grey) => [grey, grey, grey]), "other poses that the camera leaves open, likely to unlikely"));
     }
@@ -95,10 +82,7 @@ class Viewer {
       store.want(frame, playing ? this.state.fps * player.timeline.speed : 0, this.state);
       if (store.has(frame)) this.use(frame);
     }
-    if (!playing) {
-      if (this.part) this.area();
-      this.backdropPicture();
-    } else if (this.part) part("reach").querySelector(".note").textContent = "";
+    if (!playing) this.backdropPicture();
     this.tell();
   }
 
@@ -222,31 +206,7 @@ class Viewer {
     this.player.redraw();
   }
 
-  // Where the chosen part could be in the shown frame.
-  async area() {
-    const { frame } = this.player.timeline;
-    const key = `${this.part} ${frame}`;
-    if (this.areaKey === key) return;
-    this.areaKey = key;
-    let answer = { text: "Choose a part to see where it could be, and with which others it is matched together." };
-    try {
-      if (this.part) answer = await getJson(`api/area?frame=${frame}&part=${encodeURIComponent(this.part)}`);
-    } catch (error) {
-      notice(error.message);
-    }
-    if (this.areaKey !== key) return;
-    part("reach").querySelector(".note").textContent = answer.text;
-    const { renderer } = this.player;
-    this.areas?.forEach((mesh) => renderer.drop(mesh));
-    this.areas = [[answer.reach, AREA], [answer.disputed, DISPUTED]].map(
-      ([sent, colour]) => renderer.balls(unpacked(sent) ?? new Float32Array(), colour));
-    this.player.showLegend();
-    this.player.redraw();
-  }
-
   over(player) {
-    const size = 0.8 * (this.hull.size ?? 0.02);
-    if (this.areaKey === `${this.part} ${player.timeline.frame}`) this.areas?.forEach((mesh) => mesh.instances && player.renderer.drawSolid(mesh, size));
     if (player.shown.hypotheses && this.others && !this.late()) player.renderer.drawSolid(this.others);
   }
 
