@@ -161,9 +161,10 @@ class Recording:
             raise _no_calibration(folder)
         whole = read_rig(calibration, unit, cameras=cameras)
         rig, up = _chosen(whole, calibration, cameras), read_up(calibration)
-        settings = folder, calibration, rig, {}, 0, 0, 1.0, np.zeros(0)
-        subject = read_subject(folder / "subject.toml")
-        return cls(*settings, subject, up=up, camera_names=whole.names)
+        subject, none, names = read_subject(folder / "subject.toml"), np.zeros(0), whole.names
+        return cls(
+            folder, calibration, rig, {}, 0, 0, 1.0, none, subject, up=up, camera_names=names
+        )
 
     def __iter__(self) -> Iterator[tuple[int, float, dict[str, Frame]]]:
         """Yields the frame number, its time in seconds, and (H, W, 3) uint8 BGR by camera name.

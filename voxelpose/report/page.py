@@ -40,7 +40,7 @@ from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
 from voxelpose.view.images.canvas import Image, has_sides
 from voxelpose.view.serving.page_words import page_words
-from voxelpose.view.viewer.legend import css_colour, display_name, person_colour
+from voxelpose.view.viewer.legend import display_name, person_colour
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 REPORT = "report.html"
@@ -194,7 +194,7 @@ def _people(results: Sequence[Result], cameras: CameraCheck, changed: str) -> li
             {
                 "name": name,
                 "label": display_name(names_of(results)[k] or name),
-                "colour": css_colour(person_colour(k)),
+                "colour": f"rgb{person_colour(k)}",
                 "summary": result.summary,
                 "verdict": verdict,
                 "sentence": sentence,

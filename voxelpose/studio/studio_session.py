@@ -2,7 +2,6 @@
 
 import threading
 from collections.abc import Callable, Collection, Mapping
-from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -318,12 +317,10 @@ class StudioSession:
 
     def _free_out(self, project: str, command: Command) -> str:
         """A name for the next result of a project."""
-        taken = {path.name for path in visible_entries(self.folder.root)}
+        taken = [path.name for path in visible_entries(self.folder.root)]
         jobs = [job.asked for job in self.job.unfinished()]
-        taken |= {asked.out for asked in jobs if isinstance(asked, FitAsked)}
-        stem = f"{project}_{command}"
-        names = chain([stem], (f"{stem}_{number}" for number in count(2)))
-        return next(name for name in names if name not in taken)
+        taken += [asked.out for asked in jobs if isinstance(asked, FitAsked)]
+        return _free_name(f"{project}_{command}", {name.casefold() for name in taken})
 
     def start_fit(self, asked: FitAsked) -> None:
         """Begins an estimation, or lets it wait for other jobs, and keeps its settings in the

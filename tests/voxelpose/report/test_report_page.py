@@ -153,7 +153,7 @@ def test_one_page_about_several_people(couple):
     targets = {reference[1:] for reference in page.references if reference.startswith("#")}
     assert targets <= set(page.ids)
     for name, colour in zip(("person_1", "person_2"), COLOURS, strict=False):
-        dot = f"background:#{colour[0]:02x}{colour[1]:02x}{colour[2]:02x}"
+        dot = f"background:rgb{colour}"
         assert f'<h2 id="{name}"><span class="dot" style="{dot}"></span> Person' in text
     words = re.sub("<[^>]*>", "", text)
     assert "doubtful: person 1: its estimator states no errors" in words

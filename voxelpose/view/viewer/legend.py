@@ -32,8 +32,3 @@ def display_name(part: str) -> str:
 def person_colour(number: int) -> Colour:
     """Colour, RGB, of one of several people, counted from 0."""
     return COLOURS[number % len(COLOURS)]
-
-
-def css_colour(colour: Colour | NDArray[np.uint8]) -> str:
-    """A colour, RGB, as pages write it."""
-    return "#{:02x}{:02x}{:02x}".format(*(int(v) for v in colour))

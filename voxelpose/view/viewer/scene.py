@@ -92,11 +92,6 @@ class Scene:
     hypotheses: tuple[Hypothesis, ...]
     notes: tuple[str, ...]  # what is missing, in words
 
-    @property
-    def is_posed(self) -> bool:
-        """Whether somebody has a pose."""
-        return any(body is not None for body in self.bodies)
-
 
 def frame_lines(scene: Scene) -> list[tuple[int | None, str]]:
     """Description of a frame, in lines, each with the number of the one of several people whom it
@@ -112,7 +107,7 @@ def frame_lines(scene: Scene) -> list[tuple[int | None, str]]:
             words.append(f"{hull.litres(near & hull.far):.0f} litres of it are {legend.FAR}.")
         whose = f"{name[:1].upper()}{legend.display_name(name[1:])}: " if several else ""
         lines += [(k if several else None, whose + each) for each in words]
-    if hull is not None and not scene.is_posed:
+    if hull is not None and not any(scene.bodies):
         lines.append((None, f"Hull {hull.litres(hull.occupancy):.0f} litres."))
     lines += [
         (None, f"Pose {hypothesis.rank}: {100 * hypothesis.probability:.0f} %")
