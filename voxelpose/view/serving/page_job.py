@@ -26,8 +26,7 @@ _STOP_S = 8  # after which a process that does not end is killed
 _TELL_EVERY_MS = 100
 _LOOK_MS = 200  # between looks at the jobs
 _SURE_PERCENT = 4  # of the work from which the time that is left is told
-_MOST_NOTES = 50
-_MOST_ENDED = 20
+_KEPT = 50  # notes of a job, and jobs that have ended
 _ENDED_STATES = "done", "failed", "stopped"
 _NOT_BEGUN = "waiting", "interrupted"
 _BEGINNING = "loading the program"
@@ -131,7 +130,7 @@ class PageJob:
                 )
             ended = [job for job in self._jobs if job.state["state"] in _ENDED_STATES]
             same = [job for job in ended if (job.state["kind"], job.state["of"]) == (kind, of)]
-            for job in {*same, *ended[:-_MOST_ENDED]}:
+            for job in {*same, *ended[:-_KEPT]}:
                 self._jobs.remove(job)
             overall = None if shares is None else OverallProgress(shares)
             state = {"state": "waiting", "kind": kind, "of": of, "project": project or of}
@@ -292,7 +291,7 @@ class PageJob:
             left_s = elapsed_s * (1 - part) / part if known and part else None
             return {"stage": stage, "done": done, "total": total, "part": part, "left_s": left_s}
         if kind == "note":
-            return {"notes": [*job.state["notes"], content][-_MOST_NOTES:]}
+            return {"notes": [*job.state["notes"], content][-_KEPT:]}
         if kind == "picture":
             name, picture = content
             self._pictures[name] = picture
