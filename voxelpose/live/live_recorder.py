@@ -144,4 +144,4 @@ def _image(picture: NDArray, size: tuple[int, int]) -> Picture:
 
 
 def _write(path: Path, picture: Picture) -> None:
-    path.write_bytes(encoded(picture, path.suffix, 95 if path.suffix == ".jpg" else None))
+    path.write_bytes(encoded(picture, path.suffix, 95))

@@ -427,7 +427,7 @@ class StudioSession:
         image = sheet_image(self.folder.result(result))
         if image is None:
             raise InputError("this result has no pictures: estimate again with `pictures`")
-        return encoded(np.ascontiguousarray(image), ".jpg", 85)
+        return encoded(np.ascontiguousarray(image), ".jpg")
 
     def setup(self, name: str, reopen: bool) -> SetupSession:
         """The set-up of a project, opened where another was, or once more. InputError where it

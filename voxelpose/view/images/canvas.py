@@ -142,13 +142,13 @@ def png(image: Image) -> bytes:
     return encoded(image, ".png")
 
 
-def encoded(image: Image, suffix: str, quality: int | None = None) -> bytes:
+def encoded(image: Image, suffix: str, quality: int = 85) -> bytes:
     """An image (h, w), (h, w, 3) or (h, w, 4) uint8, BGR, as the content of a file: .png, .jpg or
     .webp, these with a quality of 1 to 100. OSError where it cannot be encoded: sides of a JPEG
     have at most 65 500 px.
     """
-    flag = cv2.IMWRITE_WEBP_QUALITY if suffix == ".webp" else cv2.IMWRITE_JPEG_QUALITY
-    good, data = cv2.imencode(suffix, image, [] if quality is None else [flag, quality])
+    flags = {".jpg": cv2.IMWRITE_JPEG_QUALITY, ".webp": cv2.IMWRITE_WEBP_QUALITY}
+    good, data = cv2.imencode(suffix, image, [flags[suffix], quality] if suffix in flags else [])
     if not good:
         raise OSError(f"an image {image.shape} cannot be encoded as {suffix}")
     return data.tobytes()

@@ -19,7 +19,6 @@ from voxelpose.view.viewer.scene import (
     frame_lines,
 )
 
-_QUALITY = 85  # of pictures
 _FARTHEST_MM = 65535  # as two bytes hold it
 
 
@@ -57,7 +56,7 @@ def outlined_picture(
             points = np.asarray(outline, float)[:, 0]
             canvas.stroke(image, points, canvas.PAPER, line + 1, closed=True)
             canvas.stroke(image, points, colour, line, closed=True)
-    return canvas.encoded(image, ".jpg", _QUALITY)
+    return canvas.encoded(image, ".jpg")
 
 
 def _hull(hull: CarvedHull) -> dict[str, Any]:
@@ -79,7 +78,7 @@ def _hull(hull: CarvedHull) -> dict[str, Any]:
 def _pictures(scene: Scene, pictures: Pictures) -> dict[str, bytes]:
     images = {one.camera.name: camera_picture(one, pictures) for one in scene.camera_frames}
     return {
-        name: canvas.encoded(picture[..., ::-1], ".jpg", _QUALITY)
+        name: canvas.encoded(picture[..., ::-1], ".jpg")
         for name, picture in images.items()
         if picture is not None
     }
