@@ -22,7 +22,7 @@ Stature = Annotated[float, Meta(ge=STATURES_M[0], le=STATURES_M[1], description=
 Chest = Annotated[float, Meta(ge=CHESTS_M[0], le=CHESTS_M[1], description="metres")]
 VoxelSize = Annotated[float, Meta(ge=VOXELS_M[0], le=VOXELS_M[1], description="metres")]
 Tolerance = Annotated[int, Meta(ge=0, le=100, description="cameras")]
-Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6, description="metres")]
+Coordinate = Annotated[float, Meta(ge=-1_000_000, le=1_000_000, description="metres")]
 FrameNumber = Annotated[int, Meta(ge=0, le=10_000_000)]
 Threads = Annotated[int, Meta(ge=1, le=100_000)]
 Sex = Literal["male", "female", "unknown"]

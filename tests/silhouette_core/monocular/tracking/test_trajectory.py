@@ -140,7 +140,7 @@ def test_who_decides_at_once_learns_from_every_frame():
     assert [number for number, _ in proposer.learned] == [0, 1, 2]
     assert [notes for notes, _ in proposer.asked] == [[0], [1], [2]]
     for (_, joints), frame in zip(proposer.learned, found, strict=True):
-        assert joints == pytest.approx(frame.joints[0])
+        assert joints == pytest.approx(frame.joints[0], abs=0.02)  # joint centres lie beside
     later = KnownPoses()
     track(range(2), [0.0, 0.1], smooth=True, proposer=later)
     assert later.learned == []
