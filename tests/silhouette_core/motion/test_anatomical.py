@@ -132,9 +132,9 @@ def test_hands_and_feet_are_not_twisted_at_rest(side):
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_shin_that_slants_toward_the_other_leg_is_adducted(side):
+    rest = BODY.landmarks_m
     hip, knee, ankle = (
-        posed({}).landmarks()[0, LANDMARK_NAMES.index(f"{side}_{name}")]
-        for name in ("hip", "knee", "ankle")
+        rest[LANDMARK_NAMES.index(f"{side}_{name}")] for name in ("hip", "knee", "ankle")
     )
     thigh, shin = (
         np.arctan2(abs(b[0]) - abs(a[0]), a[2] - b[2]) for a, b in pairwise((hip, knee, ankle))

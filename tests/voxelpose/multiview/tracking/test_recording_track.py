@@ -13,10 +13,16 @@ from voxelpose.multiview.tracking.recording_track import TrackWork, alternated
 def test_who_is_followed_again_is_fitted_first_and_searched_in_the_anchor_frames():
     done, told = [], (StageClock(), SilentReporter())
     tracker = SimpleNamespace(observations=range(1400))
-    for name in ("smooth", "search", "search_worst", "search_limbs"):
+    for name in ("smooth", "search", "search_worst", "search_limbs", "reach_targets"):
         setattr(tracker, name, lambda *given, name=name: done.append((name, *given)))
     TrackWork(Settings(), 10, MatchSettings(), None, *told).again(tracker, [0, 1])
-    assert done == [("smooth",), ("search", [0, 1]), ("search_worst", 14), ("search_limbs",)]
+    assert done == [
+        ("smooth",),
+        ("search", [0, 1]),
+        ("search_worst", 14),
+        ("search_limbs",),
+        ("reach_targets",),
+    ]
 
 
 @pytest.mark.parametrize(("better", "expected"), [(0, 0), (1, 1), (5, 2)])
