@@ -1,5 +1,5 @@
-"""A headless Chromium for the tests of pages. `python -m tests.browsing` (make browser) gets one
-where there is none.
+"""A headless Chromium for the tests of pages, and a Firefox for the tour. `python -m
+tests.browsing` (make browser) gets the first where there is none.
 
 Playwright's own build is taken where it can be downloaded, else the distribution's. WebGL runs on
 the processor: no GPU is needed.
@@ -33,12 +33,10 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
         errors of the console, exceptions, failed and outside requests.
     """
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed (make install)")
-    browser, loop = _browser()
+    browser = _browser()
     if browser is None:
         pytest.skip("no Chromium here: make browser gets one")
-    # Elsewhere others may begin event loops of their own: there, Playwright's does not count.
-    asyncio._set_running_loop(loop)
-    try:
+    with _in_loop():
         page = browser.new_page(viewport={"width": width, "height": height})
         faults: list[str] = []
         page.on(
@@ -60,10 +58,38 @@ def new_page(width: int = 1280, height: int = 900) -> Iterator[tuple]:
             lambda request: None if _own(request.url) else faults.append(f"outside: {request.url}"),
         )
         yield page, faults
-    finally:
         for context in browser.contexts:
             context.close()
-        asyncio._set_running_loop(None)
+
+
+@contextmanager
+def firefox_page() -> Iterator:
+    """Opens an empty page of the distribution's Firefox, on a screen that nobody sees: without one
+    it draws no WebGL. Skips the test where one of both is missing.
+    """
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed (make install)")
+    firefox, server = shutil.which("firefox-esr") or shutil.which("firefox"), shutil.which("Xvfb")
+    if firefox is None or server is None:
+        pytest.skip("no Firefox here, or no Xvfb: apt-get install firefox-esr xvfb")
+    words = [server, "-displayfd", "1", "-screen", "0", "1400x900x24"]
+    with (
+        subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as x,
+        _in_loop() as playwright,
+    ):
+        assert x.stdout is not None
+        screen = {"DISPLAY": f":{x.stdout.readline().strip()}", "LIBGL_ALWAYS_SOFTWARE": "1"}
+        try:
+            browser = playwright.firefox.launch(
+                channel="moz-firefox",  # as it is distributed, by WebDriver BiDi
+                executable_path=firefox,
+                headless=False,
+                firefox_user_prefs={"webgl.force-enabled": True},
+                env={**os.environ, **screen},
+            )
+            yield browser.new_page(viewport={"width": 1366, "height": 768})
+            browser.close()
+        finally:
+            x.terminate()
 
 
 def until(page, condition: str | Callable[[], bool], seconds: float = 30.0) -> None:
@@ -81,19 +107,30 @@ def until(page, condition: str | Callable[[], bool], seconds: float = 30.0) -> N
 
 
 @cache
-def _browser() -> tuple:
-    """The browser that all pages of this process share, which ends with it, and Playwright's event
-    loop; None where there is no browser.
-    """
+def _playwright() -> tuple:
+    """Playwright, which ends with this process, and its event loop."""
     from playwright.sync_api import sync_playwright
 
-    playwright = sync_playwright().start()
-    path = _executable(playwright)
-    if path is None:
-        playwright.stop()
-        return None, None
-    browser = playwright.chromium.launch(executable_path=path, args=_FLAGS)
-    return browser, asyncio.get_running_loop()
+    return sync_playwright().start(), asyncio.get_running_loop()
+
+
+@contextmanager
+def _in_loop() -> Iterator:
+    """Playwright with its event loop: elsewhere others may begin event loops of their own."""
+    playwright, loop = _playwright()
+    asyncio._set_running_loop(loop)
+    try:
+        yield playwright
+    finally:
+        asyncio._set_running_loop(None)
+
+
+@cache
+def _browser():
+    """The Chromium that all pages of this process share; None where there is none."""
+    with _in_loop() as playwright:
+        path = _executable(playwright)
+        return path and playwright.chromium.launch(executable_path=path, args=_FLAGS)
 
 
 def _own(url: str) -> bool:

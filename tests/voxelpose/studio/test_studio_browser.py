@@ -15,7 +15,7 @@ from calib.board import Board
 from calib.camera import Rig
 from calib.extrinsics import pose_difference
 from calib.files import read_rig
-from tests.browsing import new_page, until
+from tests.browsing import firefox_page, new_page, until
 from tests.clips import waving
 from tests.sources import ring, write_staged
 from tests.voxelpose.board_films import film_boards
@@ -212,6 +212,28 @@ def archive(download) -> None:
         assert lines[0].startswith("frame,time_s,joint") and len(lines) > 45
         heights = [float(line.split(",")[5]) for line in lines[1:]]
         assert np.isfinite(heights).all() and max(heights) < 2.5
+
+
+@pytest.mark.slow
+@pytest.mark.tour
+def test_firefox_imports_fits_views_and_exports(desk):
+    files, root = write_staged(desk / "files", waving(4), ring(3, (320, 240))), desk / "root"
+    root.mkdir()
+    (root / "voxelpose.toml").write_text('[fit]\nestimator = "standing"\n')
+    with opened_studio(root) as server, firefox_page() as page:
+        page.set_default_timeout(120_000)
+        page.goto(server.url)
+        page.locator("#new_name").fill("anna walk")
+        page.keyboard.press("Enter")
+        bring_files(page, files)
+        for name in ("#to_fit", "#start", "#next"):
+            page.locator(name).click()
+        view(page)
+        page.get_by_role("link", name="Next: Export").click()
+        page.locator("#set_skeleton").select_option("mixamo")
+        with page.expect_download() as download:
+            page.locator("#start").click()
+        archive(download.value)
 
 
 @pytest.mark.slow
