@@ -8,13 +8,10 @@ const later = (milliseconds) => new Promise((done) => setTimeout(done, milliseco
 export const STAGES = {
   picture: ["Picture", "The frame as it was filmed."],
   background: ["Background", "The empty view as it was learned. Hatched: nobody saw it, its colours are a guess."],
-  odds: ["Odds", "What colours and background say: blue for the person, brown against, black neither."
-    + " They decide, with edges and neighbours."],
+  odds: ["Odds", "What colours and background say: blue for the person, brown against, black neither. They decide, with edges and neighbours."],
   first: ["First cut", "The person before edges are sharpened, and specks, holes and what is outside the region are removed."],
   silhouette: ["Silhouette", "As the estimation begins with it."],
-  body: ["Body", "The silhouette as it was used, made again with the body that it found. Green: added to that of"
-    + " the picture alone; pink: taken out;"
-    + " yellow: outline of the fitted body."],
+  body: ["Body", "The silhouette as it was used, made again with the body that it found. Green: added to that of the picture alone; pink: taken out; yellow: outline of the fitted body."],
 };
 
 // Names of the stages that there are: masks have none, the method paper few.
