@@ -1,10 +1,15 @@
-"""Small calibrations of formats that are read and not written, for `benchmarks.fuzz_targets`."""
+"""Small calibrations, most of them of formats that are read only, for `benchmarks.fuzz_targets`."""
 
 import json
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from scipy.io import savemat
+
+from benchmarks.scene import ring
+from calib.camera import Rig
 
 _POSE = [[1, 0, 0, 0.5], [0, 0, -1, -3], [0, 1, 0, 1.2], [0, 0, 0, 1]]
 _XCP = """<?xml version="1.0"?>
@@ -37,6 +42,18 @@ _METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
   <scale>2</scale></transform>
 </chunk></document>
 """
+
+
+@cache
+def small_rig() -> Rig:
+    """Two cameras, of which the first has a distorting lens."""
+    lenses = [(0.1, -0.05, 0.001, -0.002, 0.01), ()]
+    return Rig(
+        tuple(
+            replace(camera, distortion=np.array(lens))
+            for camera, lens in zip(ring(2, (320, 240)), lenses, strict=True)
+        )
+    )
 
 
 def write_vicon(path: Path) -> None:
