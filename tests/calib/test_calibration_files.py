@@ -361,13 +361,3 @@ def test_what_is_no_calibration_names_the_formats(tmp_path, name, content, words
     with pytest.raises(InputError, match=words) as refused:
         read_rig(tmp_path / name)
     assert "\n" not in str(refused.value)
-
-
-def test_a_missing_size_names_the_option(tmp_path):
-    (tmp_path / "a.json").write_text("[[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]]]")
-    assert "--size" in refusal(tmp_path / "a.json", unit="m")
-
-
-def test_hidden_files_of_a_folder_are_no_calibrations(tmp_path):
-    (tmp_path / "._cam_1.yml").write_bytes(b"\0\5\x16\7%YAML")
-    assert "no camera in it" in refusal(tmp_path, unit="m")

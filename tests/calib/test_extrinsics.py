@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 from boards import CHECKERBOARD, FACE_UP, board_views, room, seen, without_poses
@@ -13,7 +12,6 @@ from calib.camera import Rig
 from calib.errors import InputError
 from calib.extrinsics import board_errors, calibrate_extrinsics, pose_difference
 from calib.files import read_rig
-from calib.rotation import matrix_from_rodrigues
 
 
 def on_the_floor(rig: Rig, board: Board, noise_px: float = 0.0) -> dict[str, BoardView]:
@@ -207,49 +205,3 @@ def test_standing4s_corner_lists(shared):
         np.testing.assert_allclose(
             result.rig[camera.name].center_m, camera.center_m * [1, -1, -1], atol=0.03
         )
-
-
-@pytest.mark.skipif(
-    not hasattr(cv2, "calibrateMultiview"),
-    reason="needs OpenCV 5's calibrateMultiview to compare with",
-)
-def test_no_less_accurate_than_opencvs_multiview_calibration():
-    truth = room(4)
-    views = board_views(truth, CHECKERBOARD, 60, noise_px=0.3)
-    ours = align_rigs(calibrate_extrinsics(CHECKERBOARD, without_poses(truth), views).rig, truth)
-    points = [CHECKERBOARD.points_m.astype(np.float32)] * len(views)
-    empty = np.zeros((0, 2), np.float32)
-    pixels = [
-        [np.float32(seen[name].pixels) if name in seen else empty for seen in views.values()]
-        for name in truth.names
-    ]
-    detected = np.array(
-        [[name in seen for seen in views.values()] for name in truth.names], np.uint8
-    )
-    lenses = (
-        [camera.matrix.copy() for camera in truth],
-        [np.append(camera.distortion, 0.0)[None] for camera in truth],
-    )
-    guess = cv2.CALIB_USE_INTRINSIC_GUESS
-    _, _, _, turns, shifts = cv2.calibrateMultiview(
-        points,
-        pixels,
-        [camera.size for camera in truth],
-        detected,
-        np.zeros(4, np.uint8),
-        *lenses,
-        None,
-        None,
-        flagsForIntrinsics=np.full(4, guess, np.int32),
-        flags=guess,
-    )
-    placed = [
-        replace(one, rotation=matrix_from_rodrigues(turn), translation=shift.ravel())
-        for one, turn, shift in zip(truth, turns, shifts, strict=True)
-    ]
-    theirs = align_rigs(Rig(tuple(placed)), truth)
-    errors = [
-        [pose_difference(rig[camera.name], camera)[0] for camera in truth] for rig in (ours, theirs)
-    ]
-    assert np.mean(errors[0]) <= 1.02 * np.mean(errors[1])
-    assert max(errors[0]) < 5

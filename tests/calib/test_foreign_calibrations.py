@@ -313,18 +313,6 @@ def test_a_kinect_has_a_lens_for_the_size_of_its_pictures(tmp_path):
     assert "holds no colour camera" in refusal(path, lenses=True)
 
 
-def test_open3d_writes_the_matrix_by_columns(tmp_path):
-    path = tmp_path / "kinect_1.json"
-    content = {
-        "width": 1280,
-        "height": 720,
-        "intrinsic_matrix": [600, 0, 0, 0, 610, 0, 640, 360, 1],
-    }
-    path.write_text(json.dumps(content))
-    camera = read_rig(path, lenses=True)["kinect_1"]
-    assert camera.matrix.tolist() == [[600, 0, 640], [0, 610, 360], [0, 0, 1]]
-
-
 def opencap(number: int) -> dict:
     return {
         "intrinsicMat": [[FX, 0, CX], [0, FY, CY], [0, 0, 1]],

@@ -21,7 +21,7 @@ from voxelpose.calibration.sync import board_speed
 from voxelpose.cli import run
 
 BOARD = Board(8, 5, 0.15)
-RATES = {"cam_0": 12.5, "cam_1": 15.0, "cam_2": 30.0}
+RATES = {"cam_0": 10.0, "cam_1": 12.5, "cam_2": 20.0}
 BEGIN_S = {"cam_0": 0.3, "cam_1": 0.0, "cam_2": 0.71}
 
 
@@ -184,7 +184,7 @@ def board_walk(walk, tmp_path_factory) -> Path:
         writer = cv2.VideoWriter(
             str(folder / f"{camera.name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), fps, camera.size
         )
-        for number in range(int(10 * fps)):
+        for number in range(int(8 * fps)):
             writer.write(film.picture(path(BEGIN_S[camera.name] + number / fps)))
         writer.release()
     write_rig(without_poses(walk), folder.parent / "lenses.toml")
