@@ -8,7 +8,7 @@ import pytest
 
 from silhouette_core.setting_types import choices_of, range_of, types_if_given
 from tests.sources import ring, write_recording
-from voxelpose.cli import COMMANDS, _parse, run
+from voxelpose.cli import _parse, run
 from voxelpose.cli.options import load_command, options_of
 from voxelpose.cli.settings import all_sections
 from voxelpose.recording.subject import SETTINGS_FILE, settings_files
@@ -188,7 +188,3 @@ def test_values_and_where_they_come_from(desk, capsys):
 def test_settings_of_nothing_are_refused(desk, capsys, words, line):
     assert run(["settings", *words]) == 2
     assert line in capsys.readouterr().err
-
-
-def test_every_command_has_a_section():
-    assert {section.split(".")[0] for section in all_sections()} == set(COMMANDS)

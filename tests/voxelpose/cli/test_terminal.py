@@ -62,11 +62,6 @@ def test_a_name_that_is_no_text_is_refused(desk, capsys):
     assert r"walk\udcff is not UTF-8" in capsys.readouterr().err
 
 
-def test_a_name_that_is_too_long_is_one_line(desk, capsys):
-    assert run(["fit", "walk" * 100, "--out", "out"]) == 2
-    assert "name too long" in capsys.readouterr().err.lower()
-
-
 def test_doctor_removes_what_a_killed_run_left(desk, capsys):
     (desk / "out.partial-2147483000-0123abcd").mkdir()
     assert run(["doctor", "--clean", "."]) == 0

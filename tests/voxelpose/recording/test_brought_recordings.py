@@ -31,56 +31,6 @@ def made(shared: Path, tmp_path_factory: pytest.TempPathFactory):
     return make
 
 
-def taken_s(recording: Recording, camera: str) -> np.ndarray:
-    """Times of the frames in use by the names of a camera's images."""
-    reader = recording.readers[camera]
-    numbers = range(reader.frame_count) if reader.numbers is None else reader.numbers
-    return np.array([float(reader.stills[number].stem) for number in numbers])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("script", "name", "count", "lost"),
-    [("image_times_in_names", "stamp_few", 32, 2), ("image_times_unpadded", "stamp_plain", 24, 0)],
-)
-@pytest.mark.parametrize("fps", [None, 30.0])
-def test_images_with_times_are_paired_by_them(made, script, name, count, lost, fps):
-    recording = Recording.open(made(script, name), fps=fps)
-    assert recording.frame_count == count and recording.fps == pytest.approx(30, rel=0.001)
-    times_s = np.array([taken_s(recording, camera) for camera in recording.rig.names])
-    assert np.ptp(times_s, axis=0).max() < 0.005
-    assert (f"lost {lost} images" in "".join(recording.notes)) == (lost > 0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("script", "name", "words"),
-    [
-        ("gopro_chapters", "gopro", "cam_3: GX010012.MP4, GX020012.MP4 are joined"),
-        ("still_as_first_track", "cover", "cam_3.mp4: the first video track is a still picture"),
-    ],
-)
-def test_films_in_several_files_or_tracks_are_read(made, shared: Path, script, name, words):
-    recording = Recording.open(made(script, name))
-    assert recording.frame_count == 24 and words in "; ".join(recording.notes)
-    whole = Recording.open(shared / "data" / "walk4", frames=(20, 44))
-    for (_, _, frames), (_, _, others) in zip(recording, whole, strict=True):
-        for camera, frame in frames.items():
-            assert np.abs(frame.astype(int) - others[camera]).mean() < 3
-
-
-@pytest.mark.slow
-def test_frames_with_an_opacity_are_silhouettes(made, shared: Path):
-    recording = Recording.open(made("frames_with_alpha", "rgba_black"), fps=30)
-    assert recording.silhouettes_given and "used as silhouettes" in recording.notes[0]
-    with np.load(shared / "data" / "walk4" / "masks" / "masks.npz") as packed:
-        for number, _, frames in recording:
-            for camera, frame in frames.items():
-                bits = np.unpackbits(packed[camera][20 + number], axis=1)
-                mask = bits[:, : frame.shape[1]] > 0
-                np.testing.assert_array_equal(frame[..., 0] > 0, mask)
-
-
 @pytest.mark.parametrize(
     ("name", "fps", "count", "words"),
     [

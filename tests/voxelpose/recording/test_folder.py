@@ -354,20 +354,6 @@ def test_an_empty_piece_amid_a_video_is_no_frame(shared: Path):
     assert "promises 204 frames and holds 203" in recording.notes[0]
 
 
-def test_silhouettes_and_projection_matrices_are_enough(shared: Path, tmp_path: Path):
-    source = shared / "data/dancer8"
-    (tmp_path / "calibration.json").symlink_to(source / "projections.json")
-    for number in range(8):
-        (tmp_path / f"masks/cam_{number}").mkdir(parents=True)
-        (tmp_path / f"masks/cam_{number}/0.pbm").symlink_to(
-            source / f"silh_cam{number:02d}_00023_0000008550.pbm"
-        )
-    recording = Recording.open(tmp_path)
-    assert recording.silhouettes_given and len(recording.rig) == 8
-    (_, _, frames), *_ = recording
-    assert all(0.01 < (frame > 127).mean() < 0.3 for frame in frames.values())
-
-
 def test_a_camera_without_a_position_is_named_or_left_out(folder: Path):
     path = folder / "calibration.toml"
     head, second = path.read_text().split("[cam_2]")

@@ -1,8 +1,5 @@
 """Videos flagged as interlaced, which OpenCV 5 leaves unconverted, show what was filmed."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -122,25 +119,3 @@ def test_any_format_of_pixels_is_converted(tmp_path: Path, words: list[str]):
     reader = FrameReader.open(write(tmp_path / "a.mkv", whole, *crop, *words))
     assert (reader.size, reader.interlaced) == (size, False)
     assert off(reader, pictures) < 3
-
-
-def made_case(shared: Path, name: str, folder: Path) -> Path:
-    """The folder that a script of the shared cases writes."""
-    script = shared / "cases" / "scripts" / name / "make.py"
-    if not script.exists():
-        pytest.skip(f"no {script}")
-    subprocess.run([sys.executable, script], env={**os.environ, "OUT": str(folder)}, check=True)
-    return folder
-
-
-@pytest.mark.slow
-def test_the_shared_case_of_a_camcorder(shared: Path, tmp_path: Path):
-    recording = Recording.open(made_case(shared, "interlaced_flag", tmp_path) / "mts")
-    filmed = Recording.open(shared / "data" / "walk4", frames=(20, 44))
-    assert "flagged as interlaced" in recording.notes[0]
-    for (_, _, frames), (_, _, true) in zip(recording, filmed, strict=True):
-        assert all(
-            cv2.norm(frames[name], true[name], cv2.NORM_L1) < 4 * true[name].size for name in true
-        )
-    for name, empty in recording.backgrounds().items():
-        assert np.abs(next(iter(empty)).mean() - next(iter(filmed.backgrounds()[name])).mean()) < 4

@@ -266,11 +266,3 @@ def test_regions_and_unknown_places_are_read_likewise(tmp_path, kind, how):
 def test_a_layer_on_which_nothing_is_painted_marks_nothing(tmp_path):
     layer = np.full((*SIZE[::-1], 4), (255, 255, 255, 0), np.uint8)
     assert not places(tmp_path, "unknown", layer).any()
-
-
-def test_shared_cases_are_read(shared, tmp_path):
-    for name in ("m_label1", "m_rgba"):
-        recording = Recording.open(shared / "cases" / name, (0, 2), fps=30)
-        for _, _, frames in recording:
-            shares = [(frame[..., 0] > 0).mean() for frame in frames.values()]
-            assert min(shares) > 0.01 and max(shares) < 0.1

@@ -8,7 +8,7 @@ import pytest
 
 from calib.errors import InputError
 from tests.voxelpose.recording.test_file_times import ffmpeg
-from tests.voxelpose.recording.test_interlaced import made_case
+from tests.voxelpose.recording.test_folder import write_calibration
 from voxelpose.recording import ffmpeg as ffmpeg_files
 from voxelpose.recording.folder import Recording
 
@@ -43,13 +43,7 @@ def write(folder: Path, name: str, pictures: list[np.ndarray], words=X264, ext="
 
 
 def record(folder: Path, cameras: dict[str, list[float]], noise: float = 3, **how) -> Recording:
-    text = "".join(
-        f'[{name}]\nname = "{name}"\nsize = [{WIDTH}, {HEIGHT}]\nmatrix = [[90.0, 0, 48], [0, 90.0,'
-        " 32], [0, 0, 1]]\ndistortions = [0, 0, 0, 0, 0]\nrotation = [1.5, 0.1,"
-        f" {index}]\ntranslation = [0, 1, 4]\n"
-        for index, name in enumerate(cameras)
-    )
-    (folder / "calibration.toml").write_text(text + '[metadata]\nunit = "m"\n')
+    write_calibration(folder / "calibration.toml", tuple(cameras))
     for seed, (name, moments) in enumerate(cameras.items()):
         write(folder, name, film(moments, noise, seed), **how)
     return Recording.open(folder)
@@ -164,11 +158,3 @@ def test_lengths_that_differ_are_still_asked_about(tmp_path: Path):
     avi = CODED["mjpeg"]
     with pytest.raises(InputError, match=r"differ in length|did not stop together"):
         record(tmp_path, {"cam_1": STEPS[:-5], "cam_2": STALL}, **avi)
-
-
-@pytest.mark.slow
-def test_the_shared_case_of_a_recorder_that_stalls(shared: Path, tmp_path: Path):
-    recording = Recording.open(made_case(shared, "repeated_pictures", tmp_path) / "frozen4")
-    lost = [*range(8, 12), *range(24, 28)]
-    assert recording.numbers.tolist() == [k for k in range(40) if k not in lost]
-    assert "cam_2 repeats the picture before in 8 frames (8 to 11, 24 to 27)" in recording.notes[0]
