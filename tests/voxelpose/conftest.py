@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.clips import waving_couple
+from tests.clips import waving, waving_couple
 from tests.sources import open_desk, ring, write_recording, write_staged
 from voxelpose.cli import run
 
@@ -33,6 +33,26 @@ def fitted(desk: Path, fitted_once: Path) -> Path:
     for name in ("walk", "fitted"):
         shutil.copytree(fitted_once / name, desk / name)
     return desk / "fitted"
+
+
+@pytest.fixture(scope="session")
+def staged_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What tests are given copies of as `staged`; not to be changed."""
+    with pytest.MonkeyPatch.context() as patch:
+        desk = open_desk(tmp_path_factory.mktemp("staged"), patch)
+        write_staged(desk / "walk", waving(4), ring(4, (320, 240)))
+        assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
+    return desk
+
+
+@pytest.fixture
+def staged(desk: Path, staged_once: Path) -> Path:
+    """The desk with the recording `walk` of a posed body by four cameras, and its result `out`, of
+    which the first of four frames is lost.
+    """
+    for name in ("walk", "out"):
+        shutil.copytree(staged_once / name, desk / name)
+    return desk
 
 
 @pytest.fixture

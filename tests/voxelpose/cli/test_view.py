@@ -3,41 +3,17 @@
 import sys
 
 import cv2
-import numpy as np
 import pytest
 
-from calib.files import write_rig
-from silhouette_core.image.raster import render_parts
-from silhouette_core.motion import kinematics
-from tests.clips import waving
-from tests.sources import ring
 from voxelpose.cli import run
 
 
 @pytest.fixture
-def fitted(desk, monkeypatch):
-    """A recording "walk" whose silhouettes are those of the standing estimator's poses, and its
-    result "out".
-    """
-    motion, rig = waving(3, 1.7), ring(3)
-    rotation, origin = motion.parts()
-    for camera in rig:
-        (desk / "walk" / "masks" / camera.name).mkdir(parents=True)
-        for row in range(3):
-            surface = (
-                kinematics.skin(motion.model, rotation[row], origin[row]) @ camera.rotation.T
-                + camera.translation
-            )
-            parts, _ = render_parts(
-                surface, motion.model.faces, motion.model.face_part, camera.matrix, camera.size
-            )
-            mask = np.where(parts > 0, 255, 0).astype(np.uint8)
-            cv2.imwrite(str(desk / "walk" / "masks" / camera.name / f"{row}.png"), mask)
-    write_rig(rig, desk / "walk" / "calibration.toml")
+def fitted(staged, monkeypatch):
+    """A result on a machine without a screen."""
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert run("fit walk --out out --estimator standing --fps 25 --no-pictures".split()) == 0
-    return desk
+    return staged
 
 
 def red_share(path) -> float:
@@ -55,10 +31,10 @@ def test_hull_and_skeleton_as_a_picture(fitted, capsys):
 
 def test_hull_and_skeleton_as_a_video(fitted, capsys):
     assert run(["view", "out", "--voxel", "0.04", "--video", "hull.webm"]) == 0
-    assert "hull.webm: 3 frames" in capsys.readouterr().out
+    assert "hull.webm: 4 frames" in capsys.readouterr().out
     film = cv2.VideoCapture("hull.webm")
-    pictures = [film.read()[1] for _ in range(3)]
-    cv2.imwrite("last.png", pictures[2])
+    pictures = [film.read()[1] for _ in range(4)]
+    cv2.imwrite("last.png", pictures[3])
     cv2.imwrite("lost.png", pictures[0])
     # The first frame has a hull, but no pose.
     assert red_share("last.png") > 0.001 > red_share("lost.png")
@@ -69,7 +45,7 @@ def test_hull_and_skeleton_as_a_video(fitted, capsys):
     ("words", "line"),
     [
         ("view out --open3d", "no screen"),
-        ("view out --frame 0 --png x.png", "frame 0 has no pose in out: choose one from 1 to 2"),
+        ("view out --frame 0 --png x.png", "frame 0 has no pose in out: choose one from 1 to 3"),
         ("view walk --video x.webm", "walk is a recording without a fit"),
         ("view out --voxel 0.05 --video gone/x.webm", "gone/x.webm cannot be written"),
         ("view out --voxel 3 --png x.png", "--voxel = '3.0' must be a number"),

@@ -11,9 +11,8 @@ from silhouette_core.body.kinematic_tree import KinematicTree
 from silhouette_core.body.rigid_parts import Box, body_of_parts
 from silhouette_core.estimator import Estimate, Settings
 from silhouette_core.motion.motion import Motion
-from tests.clips import waving
 from tests.other_bodies import write_example_result
-from tests.sources import open_desk, ring, write_staged
+from tests.sources import ring, write_staged
 from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
 from voxelpose.cli import run
 from voxelpose.export.tables import read_hypotheses
@@ -29,29 +28,11 @@ CAMERAS, FRAMES = 4, 4
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """A result "out" whose poses are those of the recording "walk"; the first frame is lost."""
-    with pytest.MonkeyPatch.context() as patch:
-        desk = open_desk(tmp_path_factory.mktemp("made"), patch)
-        write_staged(desk / "walk", waving(FRAMES), ring(CAMERAS, (320, 240)))
-        assert run(["fit", "walk", "--out", "out", "--estimator", "standing", "--no-pictures"]) == 0
-    return desk
-
-
-@pytest.fixture(scope="module")
-def scenes(made):
-    """Its scenes."""
-    opened = ResultScenes(made / "out", voxel_size_m=0.03)
+def scenes(staged_once):
+    """Scenes of a result whose poses are those of the recording."""
+    opened = ResultScenes(staged_once / "out", voxel_size_m=0.03)
     yield opened
     opened.close()
-
-
-@pytest.fixture
-def fitted(desk, made):
-    """A copy that a test may change."""
-    for name in ("walk", "out"):
-        shutil.copytree(made / name, desk / name)
-    return desk
 
 
 def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(scenes):
@@ -75,7 +56,7 @@ def test_a_scene_holds_the_silhouettes_pose_and_hull_of_the_fit(scenes):
     assert scenes.scene(2) is scene
 
 
-def test_outer_voxels_know_their_part_and_who_sees_them(made, scenes):
+def test_outer_voxels_know_their_part_and_who_sees_them(staged_once, scenes):
     hull, body = scenes.scene(2).hull, scenes.bodies(2)[0]
     outer, names = hull.outer, body.part_names
     assert 0.2 < len(outer.centres_m) / np.count_nonzero(hull.occupancy) < 0.9
@@ -92,11 +73,11 @@ def test_outer_voxels_know_their_part_and_who_sees_them(made, scenes):
         assert len(own) > 3 and away < 0.12
     # What is not covered by something else is seen, by some of the four, never by all round it.
     assert (outer.cameras > 0).mean() > 0.8 and 1 < outer.cameras.mean() < 3.5
-    alone = ResultScenes(made / "walk", voxel_size_m=0.04)
+    alone = ResultScenes(staged_once / "walk", voxel_size_m=0.04)
     assert alone.scene(1).hull.outer.part.max() == -1
 
 
-def test_frames_in_any_order_are_the_same(fitted):
+def test_frames_in_any_order_are_the_same(staged):
     first, second = ResultScenes("out", voxel_size_m=0.04), ResultScenes("out", voxel_size_m=0.04)
     forward = [first.scene(frame) for frame in (1, 2, 3)]
     backward = [second.scene(frame) for frame in (3, 2, 1)][::-1]
@@ -112,7 +93,7 @@ def test_a_lost_frame_shows_the_hull_and_says_so(scenes):
     assert scene.notes == ("no pose was found in this frame",)
 
 
-def test_a_missing_recording(fitted):
+def test_a_missing_recording(staged):
     shutil.rmtree("walk")
     scenes = ResultScenes("out")
     scene = scenes.scene(1)
@@ -121,8 +102,8 @@ def test_a_missing_recording(fitted):
     assert camera_picture(scene.camera_frames[0], "both") is None
 
 
-def test_the_unit_of_a_fit_is_known(fitted):
-    calibration = fitted / "walk" / "calibration.toml"
+def test_the_unit_of_a_fit_is_known(staged):
+    calibration = staged / "walk" / "calibration.toml"
     lines = calibration.read_text().splitlines(keepends=True)
     calibration.write_text("".join(line for line in lines if not line.startswith("unit")))
     with pytest.raises(InputError, match="in which unit"):
@@ -130,22 +111,22 @@ def test_the_unit_of_a_fit_is_known(fitted):
     assert ResultScenes("out").scene(1).hull is not None
 
 
-def test_a_recording_alone(fitted):
+def test_a_recording_alone(staged):
     scenes = ResultScenes("walk", voxel_size_m=0.04)
     scene = scenes.scene(1)
     assert scene.bodies == () and scene.hull.occupancy.any() and not scene.notes
     assert len(scenes.frames) == FRAMES
 
 
-def test_cameras_stay_in_step_where_timestamps_say_so(fitted):
+def test_cameras_stay_in_step_where_timestamps_say_so(staged):
     """The second camera's first picture is missing: what it shows must still be of the frame's
     moment.
     """
     cameras = range(1, CAMERAS + 1)
     lines = [f"cam_{c},{(t + (c == 2)) / 25:.4f}\n" for c in cameras for t in range(FRAMES)]
-    (fitted / "walk" / "timestamps.csv").write_text("".join(["cam_id,frame_time\n", *lines]))
+    (staged / "walk" / "timestamps.csv").write_text("".join(["cam_id,frame_time\n", *lines]))
     late = ResultScenes("walk", voxel_size_m=0.05)
-    (fitted / "walk" / "timestamps.csv").unlink()
+    (staged / "walk" / "timestamps.csv").unlink()
     whole = ResultScenes("walk", voxel_size_m=0.05)
     assert len(late.frames) == FRAMES - 1
     first, second, *_ = (one.picture for one in late.camera_frames(1))
@@ -163,7 +144,7 @@ def test_pictures_of_cameras(scenes):
     assert both[~frame.mask].mean() < 0.6 * plain[~frame.mask].mean()
 
 
-def test_hypotheses(fitted, tmp_path):
+def test_hypotheses(staged, tmp_path):
     lines = ["frame,rank,probability,joint,x_m,y_m,z_m"]
     lines += [
         f"{frame},{rank},{0.7 if rank == 1 else 0.2},neck,{frame},{rank},1.5"
@@ -195,9 +176,9 @@ def test_colours_tell_good_from_bad():
     assert unknown.std() == 0 and half[1] > max(bad[1], good[1])
 
 
-def test_what_is_unknown_is_told_hatched_and_not_carved(fitted, scenes):
+def test_what_is_unknown_is_told_hatched_and_not_carved(staged, scenes):
     whole = scenes.scene(2)
-    (fitted / "walk" / "recording.toml").write_text(
+    (staged / "walk" / "recording.toml").write_text(
         "[unknown]\ncam_1 = [[[-1, 120], [320, 120], [320, 240], [-1, 240]]]\n"
     )
     scene = ResultScenes("out", voxel_size_m=0.03).scene(2)
