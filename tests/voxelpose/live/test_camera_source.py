@@ -8,6 +8,7 @@ import pytest
 from calib.errors import InputError
 from tests.sources import ring, write_recording
 from tests.voxelpose.live.network_camera import NetworkCamera
+from tests.voxelpose.live.sessions import wait_until
 from voxelpose.live.camera_source import CameraReader, CameraSource
 
 SIZE = (160, 120)
@@ -42,14 +43,6 @@ def reading(address: str, size: tuple[int, int] | None = SIZE, **options) -> Ite
     finally:
         reader.stop()
         reader.join()
-
-
-def wait_until(true, seconds: float = 15.0) -> None:
-    """Waits for a condition."""
-    end_s = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end_s, "it did not happen in time"
-        time.sleep(0.02)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import cycle
@@ -22,6 +22,7 @@ from tests.browsing import new_page, until
 from tests.sources import ring
 from tests.voxelpose.live.fake_session import FakeControls
 from tests.voxelpose.live.live_scenes import person, posed, staged_frame
+from tests.voxelpose.live.sessions import wait_until
 from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.live_page import Page
 from voxelpose.live.live_scene import LiveScene, SentBody, small_picture
@@ -40,13 +41,6 @@ def waving(number: int) -> LiveFrame:
     hull = np.random.default_rng(number).normal(body.joints_m[8], 0.05, (500, 3))
     body = replace(body, hypotheses=((0.6, other),), hull_m=hull.astype(np.float32))
     return staged_frame(RIG, body, number)
-
-
-def wait_until(true: Callable[[], bool], seconds: float = 10.0) -> None:
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.02)
 
 
 @contextmanager

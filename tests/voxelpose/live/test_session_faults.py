@@ -50,44 +50,6 @@ def latest(frames: list[LiveFrame]) -> set[str]:
     return set(frames[-1].silhouettes) if frames and frames[-1].body is not None else set()
 
 
-@pytest.mark.slow
-def test_a_camera_goes_and_comes_back(folder, seen, camera):
-    with running(with_camera(folder, camera)) as (session, _, frames):
-        wait_until(lambda: latest(frames) == set(RIG.names))
-        camera.close()
-        wait_until(lambda: latest(frames) == {"cam_1", "cam_2"})
-        assert session.state.phase == "following"
-        wait_until(lambda: "trying again" in session.state.cameras["cam_3"])
-        again = NetworkCamera(camera.port, picture=seen)
-        try:
-            wait_until(lambda: latest(frames) == set(RIG.names), 30)
-            wait_until(lambda: session.state.cameras["cam_3"] == "ok")
-        finally:
-            again.close()
-    times = np.array([frame.time_s for frame in frames])
-    assert (np.diff(times) > 0).all()
-    assert np.diff(times).max() < 2  # the others went on
-
-
-@pytest.mark.parametrize(
-    ("picture", "said"),
-    [
-        (np.zeros((*RIG.cameras[0].size[::-1], 3), np.uint8), "black pictures"),
-        (np.full((90, 300, 3), 90, np.uint8), "set the camera to the calibrated format"),
-    ],
-    ids=["black", "another size"],
-)
-def test_a_camera_with_wrong_pictures_is_named_and_left_out(folder, picture, said):
-    wrong = NetworkCamera(picture=picture)
-    try:
-        with running(with_camera(folder, wrong)) as (session, _, frames):
-            wait_until(lambda: latest(frames) == {"cam_1", "cam_2"})
-            assert said in session.state.cameras["cam_3"]
-            assert session.state.phase == "following"
-    finally:
-        wrong.close()
-
-
 def test_a_camera_that_was_covered_takes_part_again(folder, seen, camera):
     with running(with_camera(folder, camera)) as (_, _, frames):
         wait_until(lambda: latest(frames) == set(RIG.names))

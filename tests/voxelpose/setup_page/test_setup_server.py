@@ -94,17 +94,6 @@ def test_foreign_and_odd_requests_write_nothing(local, folder, headers, status):
     assert not (folder / "recording.toml").exists()
 
 
-def test_a_connection_carries_one_request(local):
-    link = socket.create_connection(("127.0.0.1", local.port), timeout=5)
-    head = f"GET /api/state HTTP/1.1\r\nHost: 127.0.0.1:{local.port}\r\n\r\n".encode()
-    link.sendall(head + head.replace(b"/api/state", b"/style.css"))
-    answer = b""
-    while piece := link.recv(65536):
-        answer += piece
-    link.close()
-    assert answer.count(b"HTTP/1.1 200") == 1 and b"moments" in answer
-
-
 def test_the_page_loads_nothing_from_elsewhere(local):
     for path in ("/", "/style.css", "/main.js", "/findings.js"):
         status, content = ask(local, path)

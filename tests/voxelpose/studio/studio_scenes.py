@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -48,4 +48,13 @@ def ended(server: StudioServer, seconds: float = 60.0) -> dict:
     while (state := server._session.job.status())["state"] == "running":
         assert time.monotonic() < end, state
         time.sleep(0.05)
+    return state
+
+
+def until(server: StudioServer, true: Callable[[dict], bool], seconds: float = 90.0) -> dict:
+    """State of the running job when it is so."""
+    end = time.monotonic() + seconds
+    while not true(state := server._session.job.status()):
+        assert state["state"] == "running" and time.monotonic() < end, state
+        time.sleep(0.02)
     return state

@@ -12,7 +12,7 @@ from calib.board import Board
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import read_rig, write_rig
-from tests.voxelpose.board_films import film_boards
+from tests.voxelpose.board_films import film_boards, write_video
 from tests.voxelpose.setup_page.setup_scenes import ask
 from tests.voxelpose.studio.studio_scenes import ended, opened_studio, send
 from tests.voxelpose.studio.test_studio_server import fetched
@@ -174,10 +174,13 @@ def test_a_take_is_put_in_step_without_the_board_of_the_files(studio, walk, monk
 
 
 @pytest.mark.slow
-def test_a_failure_is_told_where_it_can_be_mended(studio, walk, filmed, truth):
-    shutil.copytree(filmed / "walk", walk / "board_walk")
+def test_a_failure_is_told_where_it_can_be_mended(studio, walk, truth):
+    (walk / "board_walk").mkdir()
+    for name in truth.names:
+        empty = np.full((360, 480, 3), 90, np.uint8)
+        write_video(walk / "board_walk" / f"{name}.avi", [empty] * 3)
     write_rig(without_poses(truth), walk / "lenses.toml")
-    assert start(studio, "extrinsics", board="9x4", square=0.15)[0] == 200
+    assert start(studio, "extrinsics", **LIKE_THIS)[0] == 200
     failed = ended(studio)
     assert (failed["state"], failed["step"]) == ("failed", "calibrate")
     assert "never saw the board" in failed["error"]

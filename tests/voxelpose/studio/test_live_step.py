@@ -2,7 +2,6 @@
 
 import http.client
 import json
-import time
 
 import pytest
 
@@ -10,7 +9,7 @@ from tests.clips import waving
 from tests.sources import ring, write_staged
 from tests.voxelpose.live.fake_session import FakeControls
 from tests.voxelpose.setup_page.setup_scenes import ask
-from tests.voxelpose.studio.studio_scenes import ended, opened_studio
+from tests.voxelpose.studio.studio_scenes import ended, opened_studio, until
 from voxelpose.cli.options import folder_settings, load_command, options_of
 from voxelpose.live.live_frame import SessionState
 from voxelpose.live.live_page import Page
@@ -26,14 +25,6 @@ def walk(tmp_path):
 
 def start(server, headers: dict | None = None, **more) -> tuple:
     return ask(server, "/api/live", {"project": "walk"} | more, **(headers or {}))
-
-
-def until(server, true, seconds: float = 90.0) -> dict:
-    end = time.monotonic() + seconds
-    while not true(state := server._session.job.status()):
-        assert state["state"] == "running" and time.monotonic() < end, state
-        time.sleep(0.05)
-    return state
 
 
 def cookie(server) -> str:

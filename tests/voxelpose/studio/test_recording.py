@@ -8,15 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.board_scene import room
+from benchmarks.board_scene import board_picture
 from calib.board import Board
 from calib.errors import InputError
 from calib.files import write_rig
 from tests.clips import waving
 from tests.sources import ring, write_staged
-from tests.voxelpose.board_films import film_boards, write_video
+from tests.voxelpose.board_films import write_video
 from tests.voxelpose.setup_page.setup_scenes import ask
-from tests.voxelpose.studio.studio_scenes import ended, opened_studio
+from tests.voxelpose.studio.studio_scenes import ended, opened_studio, until
 from voxelpose.cli.options import folder_settings
 from voxelpose.recording.folder import Recording
 from voxelpose.studio.recording_job import put_in_place
@@ -41,15 +41,6 @@ def studio(walk):
 def start(server, **more) -> tuple:
     usual = {"project": "walk", "sources": CAMERAS, "countdown": 0, "empty": 0.3}
     return ask(server, "/api/record", usual | more)
-
-
-def until(server, true, seconds: float = 30.0) -> dict:
-    """The job's state when it is so."""
-    end = time.monotonic() + seconds
-    while not true(state := server._session.job.status()):
-        assert state["state"] == "running" and time.monotonic() < end, state
-        time.sleep(0.02)
-    return state
 
 
 def ready(state: dict) -> bool:
@@ -133,18 +124,14 @@ def test_it_ends_by_itself_with_the_videos_or_after_its_time(studio, walk):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("older", [False, True])
-def test_where_a_board_was_seen_is_told_meanwhile(studio, walk, tmp_path, older):
+def test_where_a_board_was_seen_is_told_meanwhile(studio, walk, older):
     film, settings = walk.parent / "films" / "board.avi", '[calibrate.intrinsics]\nboard = "8x5"\n'
+    printed = board_picture(Board(8, 5, 0.15), 40)
     if older:  # a print of OpenCV before 4.6
         printed = Board(8, 5, 0.15, 0.1, legacy=True).charuco.generateImage((450, 300))
-        picture = cv2.copyMakeBorder(printed, 30, 30, 15, 15, cv2.BORDER_CONSTANT, value=255)
-        write_video(film, [cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)] * 60)
         settings += "marker = 0.1\n"
-    else:
-        (tmp_path / "made").mkdir()
-        rig, floor_m = room(2, 2.4, size=(480, 360), arc_deg=80), np.array([-0.4, -0.3, 0])
-        made = film_boards(tmp_path / "made", rig, Board(8, 5, 0.15), floor_m)
-        (made / "walk" / "cam_1.avi").rename(film)
+    picture = cv2.copyMakeBorder(printed, 30, 30, 15, 15, cv2.BORDER_CONSTANT, value=255)
+    write_video(film, [cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)] * 60)
     (walk / "voxelpose.toml").write_text(f"{settings}square = 0.15\n")
     sources = [{"name": "cam_1", "address": "films/board.avi"}]
     assert start(studio, sources=sources, what="boards")[0] == 200
