@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
-from silhouette_core.body.joints import LANDMARK_NAMES
+from silhouette_core.body.joints import EXCHANGED_LANDMARKS, LANDMARK_NAMES
 from silhouette_core.motion.joint_files import read_joints
 from tests.clips import waving
 from voxelpose.evaluation import score_motion
@@ -36,12 +36,8 @@ def test_shift_counts_in_the_world_only_and_size_and_turn_not_after_alignment(tr
 
 
 def test_exchanged_sides_are_flips(truth):
-    mirror = [
-        LANDMARK_NAMES.index(n.replace("left", "?").replace("right", "left").replace("?", "right"))
-        for n in LANDMARK_NAMES
-    ]
     estimate = truth.copy()
-    estimate[3:6] = truth[3:6][:, mirror]
+    estimate[3:6] = truth[3:6][:, EXCHANGED_LANDMARKS]
     assert score_motion(truth, estimate).flips == pytest.approx(3 / 12)
 
 

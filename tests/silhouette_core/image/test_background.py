@@ -40,15 +40,6 @@ def test_the_paper_method_equals_the_formula():
     np.testing.assert_array_equal(result, paper_reference(frames, frame))
 
 
-def test_a_single_frame_suffices():
-    rng = np.random.default_rng(1)
-    model = BackgroundModel.from_frames([noisy(ROOM, rng)])
-    truth = np.zeros(SIZE, bool)
-    truth[10:34, 20:36] = True
-    result = model.silhouette(noisy(np.where(truth[..., None], (40, 40, 180), ROOM), rng))
-    assert (result & truth).sum() / (result | truth).sum() > 0.95
-
-
 def test_wrong_frames_are_refused():
     model = BackgroundModel.from_frames([noisy(ROOM, np.random.default_rng(3))])
     for shape in (SIZE, (20, 20, 3)):

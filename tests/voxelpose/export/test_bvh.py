@@ -39,13 +39,6 @@ def test_every_joint_is_where_our_kinematics_puts_it(tmp_path):
     assert_same_joints(motion, tmp_path / "motion.bvh")
 
 
-def test_right_hand_is_the_raised_one(tmp_path):
-    motion = waving()
-    write_bvh(motion, tmp_path / "motion.bvh")
-    joints = joint_positions(tmp_path / "motion.bvh", len(motion) - 1)
-    assert joints["right_hand"][2] > joints["head"][2] > joints["left_hand"][2]
-
-
 def test_head_ends_at_its_vertex(tmp_path):
     motion = waving()
     write_bvh(motion, tmp_path / "motion.bvh")
