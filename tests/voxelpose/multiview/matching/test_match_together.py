@@ -50,16 +50,6 @@ def test_bodies_far_from_each_other_are_matched_as_each_alone():
         assert found.groups == alone.groups
 
 
-def test_one_body_is_matched_as_ever():
-    pose = stance(MODEL, TURNS[0])
-    grid, whole = hull_of(pose)
-    start = with_root_only(pose)
-    (found,) = match_together([(VOLUME, start)], grid, whole)
-    alone = match(VOLUME, grid, whole, start)
-    np.testing.assert_array_equal(found.pose.angles_rad, alone.pose.angles_rad)
-    assert found.score == alone.score and found.groups == alone.groups
-
-
 @pytest.fixture(scope="module")
 def near():
     """Two bodies whose arms reach for the same voxels."""

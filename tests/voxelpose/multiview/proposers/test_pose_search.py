@@ -1,6 +1,4 @@
-"""Pose of a single frame without a prior, and of a short motion: torso, limbs, whole search."""
-
-from contextlib import nullcontext
+"""Pose of a single frame without a prior: torso, limbs, whole search."""
 
 import numpy as np
 import pytest
@@ -20,19 +18,15 @@ from tests.voxelpose.multiview.matching_scenes import (
     stance,
     views,
 )
-from voxelpose.multiview.carving import observe as observe_module
-from voxelpose.multiview.carving.carver import CarveRule, carve
+from voxelpose.multiview.carving.carver import carve
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.observe import FrameObservation, HullObserver
+from voxelpose.multiview.carving.observe import FrameObservation
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.matching.limbs import CHAINS
 from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.proposers.limb_search import place_limb
-from voxelpose.multiview.proposers.pose_search import BodyGeometry, PoseFit, find_pose, standing
+from voxelpose.multiview.proposers.pose_search import BodyGeometry, find_pose, standing
 from voxelpose.multiview.proposers.torso_search import find_torso
-from voxelpose.multiview.silhouettes.mask_store import MaskStore
-from voxelpose.multiview.silhouettes.observation_store import ObservationStore
-from voxelpose.multiview.tracking.tracking import PoseTracker
 
 TURNS = {"left_upper_arm.abduction": 20.0, "right_thigh.flexion": 30.0, "right_shin.flexion": 40.0}
 TORSO = [
@@ -130,54 +124,3 @@ def test_whole_search_from_nothing(body, seed, yaw_deg):
     assert errors.mean() < 0.05 and errors.max() < 0.15
     assert [f.error for f in result] == sorted(f.error for f in result)
     assert result[0].error < 0.2
-
-
-@pytest.mark.slow
-def test_a_motion_is_tracked_both_ways(body, monkeypatch):
-    """Six frames of a rising arm; the third is known. The gap of one empty frame stops the
-    tracking, and remains without a pose. No stage carves a hull again.
-    """
-    carved = []
-    carve = observe_module.carve
-    monkeypatch.setattr(
-        observe_module, "carve", lambda *given: carved.append(given) or carve(*given)
-    )
-    actor, seen_by = other_body(1), views(4)
-    truth = [
-        stance(actor, {"left_upper_arm.abduction": 10.0 * t, "right_thigh.flexion": 5.0 * t})
-        for t in range(6)
-    ]
-    store = MaskStore([camera.size for camera in seen_by.rig], 6)
-    try:
-        for t, pose in enumerate(truth):
-            masks = photograph(seen_by, actor, pose)
-            store.put(t, [np.zeros_like(mask) for mask in masks] if t == 5 else masks)
-        observer = HullObserver(
-            seen_by,
-            VoxelGrid.from_bounds((-1, -1, -0.1), (1, 1, 2.2), 0.05),
-            0.03,
-            CarveRule(least_agreeing=3),
-        )
-        observations = ObservationStore(observer, store)
-        advanced = []
-        track = PoseTracker(
-            body,
-            observations,
-            15.0,
-            MatchSettings(),
-            lambda _: nullcontext(),
-            lambda: advanced.append(1),
-        )
-        track.follow([(2, PoseFit(truth[2], 0.12))])
-        track.search_limbs()
-        track.smooth()
-        for t in range(6):
-            track.observe(t)
-        observations.close()
-    finally:
-        store.close()
-    assert track.poses[5] is None and np.isinf(track.error[5])
-    for t in range(5):
-        assert joint_errors_m(body.model, track.poses[t], actor, truth[t]).mean() < 0.04, t
-    assert len(advanced) == 4 + 1 + 5
-    assert len(carved) == 5 * 4 + 1  # four carves make one hull, one finds that nobody is there

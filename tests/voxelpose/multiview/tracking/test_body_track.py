@@ -51,10 +51,13 @@ def step(track: BodyTrack, frames: float) -> BodyTrack:
     return track.step(None, track.time_s + frames / FPS)  # type: ignore[arg-type]
 
 
-def test_after_a_long_gap_at_most_three_steps_are_expected():
-    expected = track_at(0.1).predict(21 / FPS)
-    assert expected.pose.root_m[0] == pytest.approx(0.1 + 3 * MOMENTUM * 0.1)
-    np.testing.assert_allclose(expected.sigma, TRACKING.longest_steps * pose_step_sigma(HUMAN))
+@pytest.mark.parametrize(
+    ("frames", "steps", "sigmas"), [(2, 2, 2), (20, 3, TRACKING.longest_steps)]
+)
+def test_as_many_steps_are_expected_as_frames_passed_but_three_at_most(frames, steps, sigmas):
+    expected = track_at(0.1).predict((1 + frames) / FPS)
+    assert expected.pose.root_m[0] == pytest.approx(0.1 + steps * MOMENTUM * 0.1)
+    np.testing.assert_allclose(expected.sigma, sigmas * pose_step_sigma(HUMAN))
 
 
 def test_backward_in_time_the_last_step_is_expected_again():

@@ -19,7 +19,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     stance,
     views,
 )
-from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near
+from voxelpose.multiview.tracking.body_track import BodyTrack, Moment
 from voxelpose.multiview.tracking.follower import PoseFollower, adapt_body, catch_up, search
 
 SEEN_BY = views(4)
@@ -197,29 +197,6 @@ def test_a_moment_keeps_silhouettes():
     unknown = beside.views(SEEN_BY.rig).unknown
     assert unknown is not None
     assert all(np.array_equal(*pair) for pair in zip(unknown, hidden.values(), strict=True))
-
-
-@pytest.mark.slow
-def test_what_is_far_from_the_body_is_left_out(found):
-    masks = masks_of(walking(0))
-    stained = {name: mask.copy() for name, mask in masks.items()}
-    for mask in stained.values():
-        mask[:40, :40] = True
-    observation = observed_near(found.body, SEEN_BY.rig, Moment.of(0.0, stained), found.fit.pose)
-    for mask, original in zip(observation.masks, masks.values(), strict=True):
-        assert not mask[:40, :40].any()
-        assert (mask & original).sum() > 0.99 * original.sum()
-
-
-def test_time_stretches_the_prediction():
-    """A frame that was dropped doubles the step that is expected."""
-    first, second = stance(PERSON), stance(PERSON, place_m=(0.1, 0.0))
-    fit = type("Fit", (), {"pose": second, "error": 0.1})()
-    body = type("Body", (), {"model": PERSON})()
-    track = BodyTrack(body, 0.1, fit, (0.0, first))  # type: ignore[arg-type]
-    one, two = (track.predict(t).pose.root_m[0] - second.root_m[0] for t in (0.2, 0.3))
-    assert two == pytest.approx(2 * one)
-    assert 0.05 < one < 0.1
 
 
 @pytest.mark.slow
