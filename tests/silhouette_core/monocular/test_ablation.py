@@ -70,7 +70,6 @@ def test_the_prior_decides_what_silhouettes_leave_open(library, stroll):
         later = list(zip(frames, truth, strict=True))[5:]
         error[kind] = np.mean([expected_error_m(tracker, *pair) for pair in later])
         least_facing[kind] = min(facing(library, frame) for frame, _ in later)
-    print(error, least_facing)
     assert error[PaperFilter] < 0.09
     assert error[PaperFilter] < 0.6 * error[WithoutMotion]
     assert least_facing[PaperFilter] > 0.9 > 0.7 > least_facing[WithoutMotion]
@@ -95,7 +94,6 @@ def test_pruning_scores_few_leaves_and_loses_nothing(library, stroll, monkeypatc
             return pruned
 
     follow(library, stroll[1][:16], Compared)
-    print(scored, lost, same)
     assert np.mean(scored[1:]) < 0.2
     assert np.mean(same) >= 0.9
     assert np.mean(lost) < 0.03 and max(lost) < 0.1

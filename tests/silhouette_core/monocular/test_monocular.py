@@ -66,6 +66,12 @@ def tracked(track, filmed):
 
 
 @pytest.fixture(scope="module")
+def causal(track, filmed):
+    """From previous frames alone."""
+    return track(filmed[1], smooth=False)
+
+
+@pytest.fixture(scope="module")
 def quickly(quick, filmed):
     return quick(filmed[1])
 
@@ -96,14 +102,6 @@ def test_blocks_of_frames_are_joined(track, tracked, filmed, monkeypatch):
     assert root_mm(joints, truth) < 1.3 * root_mm(tracked.motion.landmarks(), truth)
 
 
-@pytest.mark.slow
-def test_threads_change_nothing(track, tracked, filmed):
-    other = track(filmed[1], threads=2).motion
-    assert (other.angles_rad == tracked.motion.angles_rad).all() and (
-        other.root_m == tracked.motion.root_m
-    ).all()
-
-
 def test_hypotheses_belong_to_frames(quickly):
     result = list(quickly.hypotheses)
     assert [frame for frame, _, _ in result] == list(range(len(ROWS)))
@@ -112,13 +110,13 @@ def test_hypotheses_belong_to_frames(quickly):
 
 
 @pytest.mark.slow
-def test_every_frame_from_the_past_alone(track, filmed):
-    """Without looking ahead, what comes later changes nothing of what was said."""
+def test_every_frame_from_the_past_alone(track, causal, filmed):
+    """Without looking ahead, what comes later changes nothing of what was said; nor do threads."""
     truth, masks = filmed
-    whole = track(masks, smooth=False)
-    part = track(masks[:6], smooth=False)
-    np.testing.assert_array_equal(whole.motion.angles_rad[:6], part.motion.angles_rad)
-    assert root_mm(whole.motion.landmarks(), truth) < 110
+    part = track(masks[:6], threads=2, smooth=False)
+    np.testing.assert_array_equal(causal.motion.angles_rad[:6], part.motion.angles_rad)
+    np.testing.assert_array_equal(causal.motion.root_m[:6], part.motion.root_m)
+    assert root_mm(causal.motion.landmarks(), truth) < 110
 
 
 def test_who_is_not_there_is_not_invented(quick, filmed):
@@ -187,16 +185,16 @@ def test_two_cameras_are_too_many(quick_library_file):
 
 
 @pytest.mark.slow
-def test_the_calibrations_axes_change_nothing(track, tracked, filmed):
+def test_the_calibrations_axes_change_nothing(track, causal, filmed):
     """A world with z downward, told from the camera alone: the same motion, in that world."""
     turned = UprightFrame.from_up([0.0, 0.0, -1.0])
     camera = replace(CAMERA, rotation=CAMERA.rotation @ turned.rotation)
-    other = track(filmed[1], camera=camera)
+    other = track(filmed[1][:4], camera=camera, smooth=False)
     np.testing.assert_allclose(other.motion.up, [0, 0, -1])
     np.testing.assert_allclose(
-        other.motion.upright().landmarks(), tracked.motion.landmarks(), atol=1e-6
+        other.motion.upright().landmarks(), causal.motion.landmarks()[:4], atol=1e-6
     )
-    for (_, _, there), (_, _, here) in zip(other.hypotheses, tracked.hypotheses, strict=True):
+    for (_, _, there), (_, _, here) in zip(other.hypotheses, causal.hypotheses, strict=False):
         np.testing.assert_allclose(turned.points(there), here, atol=1e-4)
 
 
