@@ -63,21 +63,16 @@ def test_nobody_and_crumbs_are_no_person():
     assert find_person(small, usual_px=5000.0) is None
 
 
-def test_a_piece_where_the_person_was_wins_over_a_larger_one():
-    larger = (40, 10, 220, 60)
-    everywhere = find_person(picture(BODY, larger))
-    near = find_person(picture(BODY, larger), **NEAR)
-    assert everywhere is not None and (everywhere.mask == picture(larger)).all()
-    assert near is not None and (near.mask == picture(BODY)).all()
-
-
-def test_somebody_nearer_to_the_camera_does_not_take_over():
+@pytest.mark.parametrize(
+    "larger", [(40, 10, 220, 60), (20, 240, 220, 296)], ids=["other", "passer-by"]
+)
+def test_a_piece_where_the_person_was_wins_over_a_larger_one(larger):
     """Who passes by is twice as large, a person's height away."""
-    passing = (20, 240, 220, 296)
-    result = find_person(picture(BODY, passing), **NEAR)
-    assert result is not None and (result.mask == picture(BODY)).all()
-    gone = find_person(picture(passing), **NEAR)
-    assert gone is not None and (gone.mask == picture(passing)).all()
+    for known, expected in (({}, picture(larger)), (NEAR, picture(BODY))):
+        result = find_person(picture(BODY, larger), **known)
+        assert result is not None and (result.mask == expected).all()
+    gone = find_person(picture((20, 240, 220, 296)), **NEAR)
+    assert gone is not None and (gone.mask == picture((20, 240, 220, 296))).all()
 
 
 @pytest.mark.parametrize(

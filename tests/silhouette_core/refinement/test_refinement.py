@@ -5,10 +5,8 @@ proportions.
 import numpy as np
 import pytest
 
-from silhouette_core.body.joints import LANDMARK_NAMES, PART_NAMES
-from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_AXES, SHAPE_SIGMA
+from silhouette_core.body.joints import PART_NAMES
 from silhouette_core.motion.pose import Pose
-from silhouette_core.refinement.adaptation import Stature, adapt_shape, stature_of
 from silhouette_core.refinement.observation import Observation
 from silhouette_core.refinement.refine import PosePrior, RefineSettings, refine, solve_steps
 from silhouette_core.refinement.surface import Surface
@@ -17,7 +15,6 @@ from silhouette_core.scoring.silhouette_error import silhouette_error
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
     joint_errors_m,
-    joints,
     observe,
     other_body,
     stance,
@@ -161,50 +158,3 @@ def test_steps_stay_within_limits_and_trust(surface):
     np.testing.assert_allclose(
         matrix[np.ix_(free, free)] @ result[free], -gradient[free], atol=1e-6
     )
-
-
-@pytest.mark.slow
-def test_proportions_of_somebody_else_are_found_in_part(surface):
-    """The man's template with other proportions, six cameras, four postures: most of the legs,
-    little of the thin arms.
-    """
-    shape = np.zeros(len(SHAPE_AXES))
-    for name, value in (
-        ("thigh_length", 0.08),
-        ("shin_length", -0.07),
-        ("upper_arm_length", 0.08),
-        ("forearm_length", -0.08),
-        ("trunk_width", 0.1),
-    ):
-        shape[[axis.name for axis in SHAPE_AXES].index(name)] = value
-    noise = np.random.default_rng(3).normal(size=len(SHAPE_AXES)) * SHAPE_SIGMA * ~IS_CLOTHING
-    body = fitting_model().reshaped(shape + 0.4 * noise)
-    poses = [stance(body, turns) for turns in POSTURES]
-    seen = [observe(views(6), body, pose) for pose in poses]
-    starts = [perturbed(pose, k, 4.0) for k, pose in enumerate(poses)]
-    adapted, result = adapt_shape(
-        surface, seen, starts, Stature(stature_of(body), 0.006), np.zeros(len(SHAPE_AXES))
-    )
-    before, after = (
-        bone_lengths(model) / bone_lengths(body) - 1 for model in (surface.model, adapted.model)
-    )
-    # In the order of `bone_lengths`: both bones of the leg, both of the arm.
-    share = np.abs(after / before)
-    assert share[:2].max() < 0.55 and share[2:].max() < 0.95
-    assert stature_of(adapted.model) == pytest.approx(stature_of(body), abs=0.02)
-    plain = [refine(surface, s, p).pose for s, p in zip(seen, starts, strict=True)]
-    errors = [
-        np.mean(
-            [joint_errors_m(model, p, body, truth) for p, truth in zip(fitted, poses, strict=True)]
-        )
-        for model, fitted in ((surface.model, plain), (adapted.model, result))
-    ]
-    # Clothes, of which there are none, take a little of what the girths explain.
-    assert errors[1] < errors[0] + 0.001 and errors[1] < 0.017
-
-
-def bone_lengths(model) -> np.ndarray:
-    placed = dict(zip(LANDMARK_NAMES, joints(model, stance(model)), strict=True))
-    bones = ("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist")
-    ends = [placed[f"left_{first}"] - placed[f"left_{last}"] for first, last in bones]
-    return np.linalg.norm(ends, axis=1)

@@ -5,7 +5,6 @@ import shutil
 from dataclasses import replace
 
 import bvhio
-import ezc3d
 import numpy as np
 import pytest
 from trimesh import creation
@@ -39,14 +38,6 @@ def folder(tmp_path_factory):
     files = {path.name for path in export_motion(MOTION, out)}
     assert "motion.mot" not in files and {"motion.bvh", "motion.trc", "motion.glb"} <= files
     return out
-
-
-def test_angles_are_those_of_its_own_joints(folder):
-    with (folder / "angles.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    column = MOTION.model.tree.dof_names.index("left_fore_lower.bend")
-    found = [float(row["left_fore_lower.bend_deg"]) for row in rows]
-    np.testing.assert_allclose(found, np.degrees(MOTION.angles_rad[:, column]), atol=1e-3)
 
 
 def test_a_person_with_a_tool_has_anatomical_angles(tmp_path):
@@ -105,24 +96,6 @@ def test_a_joint_turned_by_a_right_angle_is_written_without_a_warning(tmp_path, 
     root = bvhio.readAsHierarchy(str(tmp_path / "motion.bvh")).loadPose(1)
     bulb = next(joint for joint, _, _ in root.layout() if joint.Name == "shade")
     assert np.isfinite(np.array(bulb.PositionWorld)).all()
-
-
-def test_trc_holds_every_landmark(folder):
-    lines = (folder / "motion.trc").read_text().splitlines()
-    names = [name for name in lines[3].split("\t")[2:] if name]
-    assert names == list(MOTION.model.tree.landmark_names)
-    cells = np.array([line.split("\t") for line in lines[6:]], float)
-    forward, up, side = cells[:, 2:].reshape(3, -1, 3).transpose(2, 0, 1)
-    found = np.stack([side, forward, up], axis=2)
-    np.testing.assert_allclose(found, MOTION.landmarks(), atol=1e-5)
-
-
-def test_c3d_holds_every_landmark(folder):
-    file = ezc3d.c3d(str(folder / "motion.c3d"))
-    labels = file["parameters"]["POINT"]["LABELS"]["value"]
-    assert labels == list(MOTION.model.tree.landmark_names)
-    found = file["data"]["points"][:3].transpose(2, 1, 0) / 1000
-    np.testing.assert_allclose(found, MOTION.landmarks(), atol=1e-5)
 
 
 def skeleton_of(model) -> dict:

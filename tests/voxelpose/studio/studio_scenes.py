@@ -56,5 +56,5 @@ def until(server: StudioServer, true: Callable[[dict], bool], seconds: float = 9
     end = time.monotonic() + seconds
     while not true(state := server._session.job.status()):
         assert state["state"] == "running" and time.monotonic() < end, state
-        time.sleep(0.02)
+        time.sleep(0.05)
     return state
