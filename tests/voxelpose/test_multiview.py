@@ -11,7 +11,7 @@ import pytest
 
 from calib.errors import InputError
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.estimator import Settings, load_estimator
+from silhouette_core.estimator import Settings
 from silhouette_core.motion.kinematics import forward, landmarks
 from silhouette_core.progress import SilentReporter
 from tests.sources import GreySource, ring
@@ -135,7 +135,3 @@ def test_what_makes_no_sense_is_refused(cameras, options, message):
     source, settings = GreySource(ring(cameras), 3), Settings(options=options)
     with pytest.raises(InputError, match=message):
         MultiViewEstimator().estimate(source, settings, SilentReporter())
-
-
-def test_it_is_registered():
-    assert isinstance(load_estimator("multiview"), MultiViewEstimator)

@@ -111,13 +111,6 @@ def test_several_sequences_are_read_like_each_alone(proposal, rng):
         np.testing.assert_allclose(together.probability, alone.probability, rtol=1e-3, atol=1e-6)
 
 
-def test_the_causal_ones_differ_from_the_others(proposal, rng):
-    given = features(rng)
-    assert not np.allclose(
-        proposal.modes([given])[0].joints, proposal.modes([given], True)[0].joints
-    )
-
-
 def test_what_learned_before_joints_were_read_goes_on_without_them(proposal, rng):
     arrays = proposal.arrays()
     arrays["weight0"] = arrays["weight0"][: -9 * SEEN_CODES]
