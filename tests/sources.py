@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.board_scene import looking_at
 from calib.camera import Camera, Rig
 from calib.files import write_rig
 from calib.rotation import matrix_from_rodrigues
@@ -26,16 +27,11 @@ def ring(
     for number in range(count):
         angle = np.pi * number / count
         center = np.array([4 * np.sin(angle), -4 * np.cos(angle), 1.4])
-        forward = np.array([0, 0, 1.0]) - center
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0, 0, 1.0])
-        right /= np.linalg.norm(right)
-        rotation = np.stack([right, np.cross(forward, right), forward])
         focal = 1.1 * size[1]
         x, y = (size[0] - 1) / 2, (size[1] - 1) / 2
         matrix = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1.0]])
-        bent, place = np.array(distortion), -rotation @ center
-        cameras.append(Camera(f"cam_{number + 1}", size, matrix, bent, rotation, place))
+        ahead = np.array([0, 0, 1.0])
+        cameras.append(looking_at(f"cam_{number + 1}", center, ahead, matrix, size, distortion))
     return Rig(tuple(cameras))
 
 

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from benchmarks.board_scene import looking_at
 from calib.camera import Camera
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
@@ -34,15 +35,10 @@ def camera_at(
     size: tuple[int, int] = (480, 360),
 ) -> Camera:
     """Returns a level camera that looks at a point."""
-    center = np.asarray(center_m, float)
-    forward = np.asarray(target_m, float) - center
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0, 0, 1.0])
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(forward, right), forward])
     focal, (x, y) = 1.1 * size[1], (np.array(size) - 1) / 2
     matrix = np.array([[focal, 0, x], [0, focal, y], [0, 0, 1.0]])
-    return Camera("cam_1", size, matrix, np.zeros(0), rotation, -rotation @ center)
+    places = np.asarray(center_m, float), np.asarray(target_m, float)
+    return looking_at("cam_1", *places, matrix, size)
 
 
 def body(shape: Sequence[float] = ()) -> BodyModel:

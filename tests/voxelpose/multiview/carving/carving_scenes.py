@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from benchmarks.board_scene import looking_at
 from calib.camera import Camera, Rig
 from tests.oracles import carving as reference
 from voxelpose.multiview.carving.carver import CarveRule, Masks, mask_list, pack_rig
@@ -16,17 +17,11 @@ def look_at(
     name, centre, target, size=(160, 120), focal=150.0, distortion=(), fisheye=False
 ) -> Camera:
     """Makes a camera at `centre` that looks at `target`, upright."""
-    centre, target = np.asarray(centre, float), np.asarray(target, float)
-    forward = (target - centre) / np.linalg.norm(target - centre)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    rotation = np.stack([right, np.cross(forward, right), forward])
     matrix = np.array(
         [[focal, 0, size[0] / 2 - 0.5], [0, focal * 1.01, size[1] / 2 - 0.3], [0, 0, 1]]
     )
-    return Camera(
-        name, size, matrix, np.array(distortion, float), rotation, -rotation @ centre, fisheye
-    )
+    places = np.asarray(centre, float), np.asarray(target, float)
+    return replace(looking_at(name, *places, matrix, size, distortion), fisheye=fisheye)
 
 
 def any_lens(rng: np.random.Generator) -> dict:
