@@ -65,16 +65,28 @@ class GreySource:
             yield frame, frame / self.fps, frames
 
 
+def write_film(
+    path: Path, pictures: Iterable[np.ndarray], fps: float = 25.0, code: str = "MJPG"
+) -> Path:
+    """Writes BGR pictures of one size as a video; makes its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    first, *others = pictures
+    size = first.shape[1::-1]
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), fps, size)
+    assert writer.isOpened()
+    for picture in (first, *others):
+        writer.write(picture)
+    writer.release()
+    return path
+
+
 def write_recording(folder: Path, rig: Rig, frame_count: int = 6, fps: float = 25.0) -> Path:
     """Writes a recording of empty grey videos."""
     folder.mkdir(parents=True)
     write_rig(rig, folder / "calibration.toml")
-    code = cv2.VideoWriter.fourcc(*"mp4v")
     for camera in rig:
-        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mp4"), code, fps, camera.size)
-        for _ in range(frame_count):
-            writer.write(np.full((camera.size[1], camera.size[0], 3), 90, np.uint8))
-        writer.release()
+        grey = np.full((camera.size[1], camera.size[0], 3), 90, np.uint8)
+        write_film(folder / f"{camera.name}.mp4", [grey] * frame_count, fps, "mp4v")
     return folder
 
 
@@ -89,8 +101,7 @@ def write_staged(folder: Path, motion: Motion, rig: Rig, *others: Motion) -> Pat
     for camera in rig:
         room = np.full((camera.size[1], camera.size[0], 3), (70, 60, 50), np.uint8)
         cv2.imwrite(str(folder / "background" / f"{camera.name}.png"), room)
-        code = cv2.VideoWriter.fourcc(*"MJLS")
-        writer = cv2.VideoWriter(str(folder / f"{camera.name}.mkv"), code, motion.fps, camera.size)
+        pictures = []
         for frame in motion.frames:
             picture = room
             for one, rotation, origin in bodies:
@@ -101,8 +112,8 @@ def write_staged(folder: Path, motion: Motion, rig: Rig, *others: Motion) -> Pat
                     parts, _ = render_parts(seen, *mesh, camera.matrix, camera.size)
                     colour = np.array([90, 160, 230], np.uint8)
                     picture = np.where(parts[..., None] > 0, colour, picture)
-            writer.write(picture)
-        writer.release()
+            pictures.append(picture)
+        write_film(folder / f"{camera.name}.mkv", pictures, motion.fps, "MJLS")
     return folder
 
 
@@ -154,12 +165,8 @@ def write_figure(
     write_rig(rig, folder / "calibration.toml")
     (folder / "background").mkdir()
     for name, film in films.items():
-        writer = cv2.VideoWriter(
-            str(folder / f"{name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), fps, film[0].shape[::-1]
-        )
-        for mask in film:
-            writer.write(cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR))
-        writer.release()
+        pictures = (cv2.cvtColor(mask, cv2.COLOR_GRAY2BGR) for mask in film)
+        write_film(folder / f"{name}.avi", pictures, fps)
         cv2.imwrite(str(folder / "background" / f"{name}.png"), np.zeros_like(film[0]))
     return folder
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from tests.sources import write_film
 from voxelpose import Recording
 from voxelpose.recording.truth import read_truth
 
@@ -61,13 +62,8 @@ def looking(number: int) -> tuple[np.ndarray, np.ndarray]:
 
 def write_video(file: Path, frames: int = FRAMES, fps: float = 25.0, size=SIZE) -> Path:
     """A grey video that becomes lighter by frame."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    code = "mp4v" if file.suffix == ".mp4" else "MJPG"
-    writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*code), fps, size)
-    for number in range(frames):
-        writer.write(np.full((size[1], size[0], 3), 40 + 10 * number, np.uint8))
-    writer.release()
-    return file
+    pictures = (np.full((*size[::-1], 3), 40 + 10 * number, np.uint8) for number in range(frames))
+    return write_film(file, pictures, fps, "mp4v" if file.suffix == ".mp4" else "MJPG")
 
 
 def write_images(folder: Path, frames: int = FRAMES, name: str = "{:06d}.png", size=SIZE, first=0):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.datasets import miniatures as mini
+from tests.sources import write_film
 from voxelpose import Recording
 
 K = np.array([[70.0, 0, 31.5], [0, 70.0, 23.5], [0, 0, 1]])
@@ -78,13 +79,10 @@ def test_masks_may_end_before_the_images(source, tmp_path, convert):
 
 def write_matte(file: Path) -> None:
     """A video of a square that moves."""
-    file.parent.mkdir(exist_ok=True)
-    writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"MJPG"), 20, mini.SIZE)
-    for number in range(mini.FRAMES):
-        image = np.zeros((*mini.SIZE[::-1], 3), np.uint8)
+    images = np.zeros((mini.FRAMES, *mini.SIZE[::-1], 3), np.uint8)
+    for number, image in enumerate(images):
         image[10:26, 5 + number : 21 + number] = 255
-        writer.write(image)
-    writer.release()
+    write_film(file, images, 20)
 
 
 def test_a_label_is_chosen_for_all_cameras(source, tmp_path, convert, refuse):

@@ -9,13 +9,7 @@ import numpy as np
 from benchmarks.board_scene import FACE_UP, BoardCamera, held_poses, random_poses
 from calib.board import Board
 from calib.camera import Rig
-
-
-def write_video(path: Path, frames: list[np.ndarray]) -> None:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25, frames[0].shape[1::-1])
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
+from tests.sources import write_film
 
 
 def film_boards(
@@ -36,7 +30,7 @@ def film_boards(
     (folder / "walk").mkdir()
     for number, camera in enumerate(rig):
         film = BoardCamera(camera, board, number)
-        write_video(folder / "walk" / f"{camera.name}.avi", [film.picture(pose) for pose in walk])
+        write_film(folder / "walk" / f"{camera.name}.avi", [film.picture(pose) for pose in walk])
         own = BoardCamera(
             replace(camera, rotation=np.eye(3), translation=np.zeros(3)), board, number
         )

@@ -14,7 +14,7 @@ from calib.camera import Camera, Rig
 from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
 from calib.signals import SignalSettings, offsets_from_signals
-from tests.sources import figure_masks, ring, write_figure
+from tests.sources import figure_masks, ring, write_figure, write_film
 from tests.voxelpose.recording.test_sound import clap_at, write_heard
 from voxelpose.calibration.board_views import frames_around
 from voxelpose.calibration.sync import board_speed
@@ -181,12 +181,9 @@ def board_walk(walk, tmp_path_factory) -> Path:
     folder, path = tmp_path_factory.mktemp("walk"), carried(walk, 12, 5)
     for index, camera in enumerate(walk):
         film, fps = BoardCamera(camera, BOARD, index), RATES[camera.name]
-        writer = cv2.VideoWriter(
-            str(folder / f"{camera.name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), fps, camera.size
-        )
-        for number in range(int(8 * fps)):
-            writer.write(film.picture(path(BEGIN_S[camera.name] + number / fps)))
-        writer.release()
+        moments_s = BEGIN_S[camera.name] + np.arange(int(8 * fps)) / fps
+        pictures = (film.picture(path(moment_s)) for moment_s in moments_s)
+        write_film(folder / f"{camera.name}.avi", pictures, fps)
     write_rig(without_poses(walk), folder.parent / "lenses.toml")
     return folder
 

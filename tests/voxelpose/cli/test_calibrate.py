@@ -25,8 +25,8 @@ from calib.files.anipose import read_notes, read_up
 from calib.upright import UprightFrame
 from silhouette_core.motion.motion_file import write_motion
 from tests.clips import FIRST_SUMMARY, waving
-from tests.sources import ring
-from tests.voxelpose.board_films import film_boards, write_video
+from tests.sources import ring, write_film
+from tests.voxelpose.board_films import film_boards
 from voxelpose.cli import run
 
 BOARD = Board(8, 5, 0.15)
@@ -160,7 +160,7 @@ def test_a_video_gives_a_lens_too(studio, tmp_path, capsys):
     pictures = [cv2.imread(str(still)) for still in stills]
     boards = tmp_path / "boards"
     boards.mkdir()
-    write_video(boards / "cam_0.avi", [picture for picture in pictures for _ in range(2)])
+    write_film(boards / "cam_0.avi", [picture for picture in pictures for _ in range(2)])
     # A camera that saw no board does not cost the others their lenses; nor is this folder one.
     for name in ("blank", "extrinsics"):
         (boards / name).mkdir()
@@ -220,7 +220,7 @@ def test_cameras_that_never_see_the_board_together_are_told_of(studio, lenses, t
         capture = cv2.VideoCapture(str(studio / "walk" / f"{name}.avi"))
         frames = [capture.read()[1] for _ in range(8)]
         blank = np.full_like(frames[0], 128)
-        write_video(
+        write_film(
             walk / f"{name}.avi",
             [frame if index in range(8)[kept] else blank for index, frame in enumerate(frames)],
         )

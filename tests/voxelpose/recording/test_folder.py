@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from tests.sources import write_film
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.timestamps import write_timestamps
@@ -25,12 +26,7 @@ def picture(number: int, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
 def write_video(
     path: Path, count: int = 8, fps: float = 25.0, size: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), fps, size)
-    assert writer.isOpened()
-    for number in range(count):
-        writer.write(picture(number, size))
-    writer.release()
+    write_film(path, (picture(number, size) for number in range(count)), fps)
 
 
 def write_stills(folder: Path, count: int = 8, suffix: str = ".png") -> None:

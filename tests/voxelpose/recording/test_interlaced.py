@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
+from tests.sources import write_film
 from tests.voxelpose.recording.test_file_times import ffmpeg
 from tests.voxelpose.recording.test_folder import write_calibration
 from voxelpose.recording import frame_reader
@@ -26,12 +26,7 @@ def bar(moment: float) -> np.ndarray:
 
 
 def write(path: Path, pictures: list[np.ndarray], *words: str | Path) -> Path:
-    source = path.with_name("source.avi")
-    size = pictures[0].shape[1::-1]
-    writer = cv2.VideoWriter(str(source), cv2.VideoWriter.fourcc(*"FFV1"), 25, size)
-    for picture in pictures:
-        writer.write(picture)
-    writer.release()
+    source = write_film(path.with_name("source.avi"), pictures, code="FFV1")
     ffmpeg("-i", source, *words, path)
     return path
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from tests.sources import write_film
 from tests.voxelpose.recording.test_file_times import ffmpeg
 from tests.voxelpose.recording.test_folder import write_calibration
 from voxelpose.recording import ffmpeg as ffmpeg_files
@@ -32,12 +33,7 @@ def film(moments: list[float], noise: float, seed: int = 0) -> list[np.ndarray]:
 
 
 def write(folder: Path, name: str, pictures: list[np.ndarray], words=X264, ext="mp4") -> None:
-    source = folder / "source.mkv"
-    size = (WIDTH, HEIGHT)
-    writer = cv2.VideoWriter(str(source), cv2.VideoWriter.fourcc(*"FFV1"), 30, size)
-    for picture in pictures:
-        writer.write(picture)
-    writer.release()
+    source = write_film(folder / "source.mkv", pictures, 30, "FFV1")
     ffmpeg("-i", source, *words, folder / f"{name}.{ext}")
     source.unlink()
 

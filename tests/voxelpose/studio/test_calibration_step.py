@@ -12,7 +12,8 @@ from calib.board import Board
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import read_rig, write_rig
-from tests.voxelpose.board_films import film_boards, write_video
+from tests.sources import write_film
+from tests.voxelpose.board_films import film_boards
 from tests.voxelpose.setup_page.setup_scenes import ask
 from tests.voxelpose.studio.studio_scenes import ended, opened_studio, send
 from tests.voxelpose.studio.test_studio_server import fetched
@@ -178,7 +179,7 @@ def test_a_failure_is_told_where_it_can_be_mended(studio, walk, truth):
     (walk / "board_walk").mkdir()
     for name in truth.names:
         empty = np.full((360, 480, 3), 90, np.uint8)
-        write_video(walk / "board_walk" / f"{name}.avi", [empty] * 3)
+        write_film(walk / "board_walk" / f"{name}.avi", [empty] * 3)
     write_rig(without_poses(truth), walk / "lenses.toml")
     assert start(studio, "extrinsics", **LIKE_THIS)[0] == 200
     failed = ended(studio)

@@ -13,8 +13,7 @@ from calib.board import Board
 from calib.errors import InputError
 from calib.files import write_rig
 from tests.clips import waving
-from tests.sources import ring, write_staged
-from tests.voxelpose.board_films import write_video
+from tests.sources import ring, write_film, write_staged
 from tests.voxelpose.setup_page.setup_scenes import ask
 from tests.voxelpose.studio.studio_scenes import ended, opened_studio, until
 from voxelpose.cli.options import folder_settings
@@ -131,7 +130,7 @@ def test_where_a_board_was_seen_is_told_meanwhile(studio, walk, older):
         printed = Board(8, 5, 0.15, 0.1, legacy=True).charuco.generateImage((450, 300))
         settings += "marker = 0.1\n"
     picture = cv2.copyMakeBorder(printed, 30, 30, 15, 15, cv2.BORDER_CONSTANT, value=255)
-    write_video(film, [cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)] * 60)
+    write_film(film, [cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)] * 60)
     (walk / "voxelpose.toml").write_text(f"{settings}square = 0.15\n")
     sources = [{"name": "cam_1", "address": "films/board.avi"}]
     assert start(studio, sources=sources, what="boards")[0] == 200
