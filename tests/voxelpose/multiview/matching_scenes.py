@@ -13,8 +13,8 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import IS_CLOTHING, SHAPE_SIGMA, BodySizes
 from silhouette_core.image.raster import render_parts
 from silhouette_core.motion.dynamics import RELAXED_RAD
-from silhouette_core.motion.kinematics import forward, landmarks, quaternions
-from silhouette_core.motion.pose import Pose
+from silhouette_core.motion.kinematics import landmarks, place
+from silhouette_core.motion.pose import Pose, PoseArrays
 from silhouette_core.refinement.observation import Observation, PinholeViews
 from silhouette_core.scoring.silhouette_error import posed_mesh
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
@@ -69,6 +69,13 @@ def stance(
     return Pose(model.joints_m[0] + (*place_m, 0.0), np.eye(3), angles)
 
 
+def turned(pose: Pose, yaw_deg: float, pitch_deg: float = 0.0) -> Pose:
+    """A pose whose root is turned about z, or about x."""
+    step = np.zeros(6 + len(pose.angles_rad))
+    step[5], step[3] = np.radians(yaw_deg), np.radians(pitch_deg)
+    return pose.moved(step)
+
+
 def photograph(seen_by: PinholeViews, model: BodyModel, pose: Pose) -> list[np.ndarray]:
     """Returns the silhouette (h, w) bool in every view."""
     vertices = posed_mesh(model, pose)
@@ -109,12 +116,7 @@ def hull(
 
 def joints(model: BodyModel, pose: Pose) -> np.ndarray:
     """Returns the 15 joints (15, 3), world."""
-    return landmarks(
-        model,
-        *forward(
-            model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
-        ),
-    )[0]
+    return landmarks(model, *place(model, *PoseArrays.from_poses([pose]).arrays))[0]
 
 
 def joint_errors_m(model: BodyModel, pose: Pose, truth_model: BodyModel, truth: Pose) -> np.ndarray:

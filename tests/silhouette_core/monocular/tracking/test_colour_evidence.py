@@ -13,10 +13,15 @@ from silhouette_core.monocular.person import Person
 from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
 from silhouette_core.monocular.tree.rendering import STATURE_PX
 from silhouette_core.monocular.window import look_at
-from silhouette_core.motion.kinematics import forward, landmarks, quaternions
 from silhouette_core.motion.pose import Pose
 from silhouette_core.scoring.silhouette_error import posed_mesh
-from tests.silhouette_core.monocular.filming import STATURE_M, body, camera_at, window_pixels
+from tests.silhouette_core.monocular.filming import (
+    STATURE_M,
+    body,
+    camera_at,
+    joints_at,
+    window_pixels,
+)
 
 CAMERA = camera_at((0.0, -4.0, 1.2))
 SKIN, SHIRT, WALL = (130, 160, 215), (60, 90, 40), (120, 118, 125)
@@ -51,13 +56,7 @@ def scene():
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     corner = int(columns[0]), int(rows[0])
     part = picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    joints = landmarks(
-        model,
-        *forward(
-            model, pose.root_m[None], quaternions(pose.root_rotation[None]), pose.angles_rad[None]
-        ),
-    )[0]
-    return Person(mask, False, ColourCrop.of(part, corner)), bare, joints
+    return Person(mask, False, ColourCrop.of(part, corner)), bare, joints_at(model, pose)
 
 
 def through(window, mask):

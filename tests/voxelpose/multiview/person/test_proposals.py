@@ -4,19 +4,23 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from calib.camera import Rig
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.kinematics import joints_of
-from silhouette_core.motion.pose import Pose
 from silhouette_core.progress import SilentReporter
 from silhouette_core.refinement.landmark_prior import LandmarkPrior
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.proposed_poses import ProposedPoses
 from silhouette_core.tuning import MEASURING
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
-from tests.voxelpose.multiview.matching_scenes import STATURE_M, fitting_model, photograph, stance
+from tests.voxelpose.multiview.matching_scenes import (
+    STATURE_M,
+    fitting_model,
+    photograph,
+    stance,
+    turned,
+)
 from voxelpose.multiview.carving.carver import CarveRule
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.observe import HullObserver
@@ -36,11 +40,6 @@ def proposed(joints_m: np.ndarray) -> ProposedPoses:
     precision = np.tile(np.eye(3) / 0.05**2, (15, 1, 1))
     prior = LandmarkPrior(joints_m - joints_m[0], precision, joints_m[0], precision[0])
     return ProposedPoses(np.ones(1), [prior])
-
-
-def turned(pose: Pose, degrees: float) -> Pose:
-    turn = Rotation.from_euler("z", degrees, degrees=True).as_matrix()
-    return Pose(pose.root_m, turn @ pose.root_rotation, pose.angles_rad)
 
 
 def test_what_each_camera_sees_nearer_is_smaller():

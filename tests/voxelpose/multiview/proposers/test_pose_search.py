@@ -5,7 +5,6 @@ import pytest
 
 from calib.camera import Rig
 from silhouette_core.body.joints import LANDMARK_NAMES
-from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
@@ -16,6 +15,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     other_body,
     photograph,
     stance,
+    turned,
     views,
 )
 from voxelpose.multiview.carving.carver import carve
@@ -39,12 +39,6 @@ TORSO = [
 def body():
     model = fitting_model()
     return BodyGeometry(model, BodyVolume.from_model(model, 0.03, "cpu"), Surface(model, 600))
-
-
-def turned(pose: Pose, yaw_deg: float) -> Pose:
-    step = np.zeros(6 + len(pose.angles_rad))
-    step[5] = np.radians(yaw_deg)
-    return pose.moved(step)
 
 
 def test_torso_is_among_the_first_placements(body):

@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from silhouette_core.motion.pose import Pose
 from tests.voxelpose.multiview.carving.carving_scenes import voxels_at
-from tests.voxelpose.multiview.matching_scenes import fitting_model, hull, other_body, stance, views
+from tests.voxelpose.multiview.matching_scenes import (
+    fitting_model,
+    hull,
+    other_body,
+    stance,
+    turned,
+    views,
+)
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.proposers.torso_search import _orientations, find_torso
 
 BODY = BodyVolume.from_model(fitting_model(), 0.03, "cpu")
-
-
-def turned(pose: Pose, yaw_deg: float, pitch_deg: float = 0.0) -> Pose:
-    step = np.zeros(6 + len(pose.angles_rad))
-    step[5], step[3] = np.radians(yaw_deg), np.radians(pitch_deg)
-    return pose.moved(step)
 
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 100.0])

@@ -8,12 +8,12 @@ import pytest
 from calib.camera import Rig
 from silhouette_core.body.sizes import IS_CLOTHING
 from silhouette_core.fitted_weights import fitted_weights
-from silhouette_core.motion.kinematics import landmarks, place
 from silhouette_core.motion.motion import Motion
 from silhouette_core.refinement.observation import PinholeViews
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
+    joints,
     other_body,
     photograph,
     stance,
@@ -45,13 +45,6 @@ def scene():
     observer = HullObserver(views(4), VOLUME, 0.04, CarveRule(least_agreeing=3))
     frame = observer.observe(photograph(observer.views, model, pose))
     return BodyGeometry.from_surface(Surface(model), 0.04, "cpu"), pose, frame
-
-
-def joints(model, pose):
-    rotation, origin = place(
-        model, pose.root_m[None], pose.root_rotation[None], pose.angles_rad[None]
-    )
-    return landmarks(model, rotation, origin)[0]
 
 
 def test_the_right_pose_has_nothing_against_it_and_a_wrong_arm_is_seen_at_that_arm(scene):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from silhouette_core.motion.kinematics import centres_of
-from silhouette_core.motion.pose import JointTarget, Pose
+from silhouette_core.motion.pose import JointTarget
 from silhouette_core.refinement.surface import Surface
 from tests.voxelpose.multiview.matching_scenes import (
     fitting_model,
@@ -15,6 +15,7 @@ from tests.voxelpose.multiview.matching_scenes import (
     other_body,
     photograph,
     stance,
+    turned,
     views,
 )
 from voxelpose.multiview.carving.carver import CarveRule
@@ -75,12 +76,6 @@ def test_a_joint_that_was_set_is_there_in_its_frame(tracker):
     assert far_m[3] < 0.015 and far_m[[0, 6]].max() < 0.04
 
 
-def half_turned(pose: Pose) -> Pose:
-    step = np.zeros(6 + len(pose.angles_rad))
-    step[5] = np.pi
-    return pose.moved(step)
-
-
 def errors_m(tracker: PoseTracker) -> np.ndarray:
     return np.array(
         [
@@ -92,13 +87,13 @@ def errors_m(tracker: PoseTracker) -> np.ndarray:
 
 @pytest.mark.parametrize("wrong", [[4, 5, 6], [0, 1]])
 def test_what_begins_turned_half_round_is_decided_by_the_whole_trajectory(tracker, wrong):
-    fits = [(t, PoseFit(half_turned(TRUTH[t]), 0.2)) for t in wrong]
+    fits = [(t, PoseFit(turned(TRUTH[t], 180), 0.2)) for t in wrong]
     right = next(t for t in (2, 3) if t not in wrong)
     tracker.follow([*fits, (right, PoseFit(TRUTH[right], 0.1))])
     assert errors_m(tracker).max() < 0.05
 
 
 def test_first_poses_that_are_all_wrong_are_searched_again(tracker):
-    tracker.follow((t, PoseFit(half_turned(pose), 0.3)) for t, pose in enumerate(TRUTH))
+    tracker.follow((t, PoseFit(turned(pose, 180), 0.3)) for t, pose in enumerate(TRUTH))
     tracker.search_worst(3)
     assert errors_m(tracker).max() < 0.06
