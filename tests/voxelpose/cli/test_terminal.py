@@ -2,8 +2,6 @@
 
 import io
 import os
-import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -85,37 +83,22 @@ def test_an_interrupt_after_the_result_says_that_it_is_there(desk, capsys, monke
     assert "nothing was written" not in error
 
 
-@pytest.fixture(scope="module")
-def walk(tmp_path_factory):
-    """A recording that can be fitted."""
-    return make_recording(tmp_path_factory.mktemp("recording") / "walk", 4)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_a_fit_that_is_ended_leaves_nothing_after_the_next(desk, walk, number):
-    shutil.copytree(walk, desk / "walk")
+def test_a_fit_that_is_killed_leaves_nothing_after_the_next(desk):
+    make_recording(desk / "walk", 4)
     words = ["fit", "walk", "--out", "out", "--estimator", "standing"]
     paths = os.pathsep.join([str(desk / "site"), str(Path(__file__).parents[3])])
     with subprocess.Popen(
-        [sys.executable, "-m", "voxelpose", *words],
-        stderr=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": paths},
+        [sys.executable, "-m", "voxelpose", *words], env=os.environ | {"PYTHONPATH": paths}
     ) as process:
         while not any(desk.glob("out.partial-*/overlay_*.webm")):  # pictures are being drawn
             assert process.poll() is None
             time.sleep(0.005)
-        process.send_signal(number)
-        error = process.communicate()[1].decode()
+        process.kill()
     assert not (desk / "out").exists()
-    if number == signal.SIGKILL:
-        assert any(desk.glob("out.partial-*"))
-        assert run([*words, "--no-pictures", "--frames", "0:2"]) == 0
-        assert names(desk) == ["out", "walk"]
-    else:
-        assert process.returncode == 130
-        assert "nothing was written" in error and "Traceback" not in error
-        assert names(desk) == ["walk"]
+    assert any(desk.glob("out.partial-*"))
+    assert run([*words, "--no-pictures", "--frames", "0:2"]) == 0
+    assert names(desk) == ["out", "walk"]
 
 
 def test_one_bar_over_all_stages_which_never_moves_back(monkeypatch):
