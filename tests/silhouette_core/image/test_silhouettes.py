@@ -10,7 +10,6 @@ from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes, UndistortedView
 from tests.sources import GreySource, ring
 
-CAMERA = ring(1, (320, 240)).cameras[0]
 BODY = slice(60, 180), slice(130, 190)
 SHADE = slice(180, 200), slice(200, 300)
 

@@ -111,13 +111,6 @@ def test_shading_is_that_of_the_surface_whatever_its_colour(scene):
     assert not shading[window.mask.reshape(60, 4, 80, 4).sum(axis=(1, 3)) == 0].any()
 
 
-def window_middle(mask):
-    """Pixel of the camera in the middle of a silhouette's window."""
-    window = look_at(CAMERA, mask, 4.0, STATURE_PX / STATURE_M)
-    (middle,), _ = CAMERA.project(window.unproject(window.axis_px, 4.0))
-    return middle
-
-
 def test_people_without_colours_are_passed_over(scene):
     person, _, joints = scene
     evidence = ColourEvidence(CAMERA)

@@ -8,16 +8,8 @@ import pytest
 from silhouette_core.monocular.tracking.frame_costs import CostSettings, FrameCosts, Hypotheses
 from silhouette_core.motion.pose import Pose
 from silhouette_core.refinement.surface import Surface
-from tests.silhouette_core.monocular.filming import (
-    body,
-    camera_at,
-    joints_at,
-    performed,
-    poses_of,
-    proposed,
-)
+from tests.silhouette_core.monocular.filming import body, joints_at, performed, poses_of, proposed
 
-CAMERA = camera_at((0.0, -4.0, 1.2))
 MODEL = body()
 SURFACE = Surface(MODEL, 200)
 STANDING = poses_of(performed("walk"))[12]

@@ -16,7 +16,6 @@ from voxelpose.multiview.tracking import body_track
 from voxelpose.multiview.tracking.body_track import BodyTrack, Moment, observed_near
 from voxelpose.multiview.tuning import TRACKING
 
-SEEN_BY = views(2)
 BODY = SimpleNamespace(model=fitting_model(), surface=Surface(fitting_model(), 200))
 
 
