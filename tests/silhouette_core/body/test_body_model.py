@@ -250,11 +250,12 @@ def test_points_of_a_part_are_inside_and_relative_to_its_joint(model):
     placed = points[shin] + model.joints_m[shin]
     assert len(placed) > 20
     # The solid angle of a closed surface, seen from inside, is the whole sphere.
-    assert all(_solid_angle(mesh, p) == pytest.approx(4 * np.pi, abs=1e-6) for p in placed)
+    assert all(solid_angle(mesh, p) == pytest.approx(4 * np.pi, abs=1e-6) for p in placed)
     assert placed[:, 2].max() < model.joints_m[shin, 2] + 0.08 and placed[:, 0].min() > 0
 
 
-def _solid_angle(mesh, point):
+def solid_angle(mesh, point):
+    """Under which a point sees a surface (van Oosterom and Strackee)."""
     a, b, c = (mesh.triangles[:, k] - point for k in range(3))
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     base = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb

@@ -13,16 +13,11 @@ from scipy.spatial import ConvexHull, cKDTree
 
 import silhouette_core.body as body
 from silhouette_core.body.joints import LANDMARK_NAMES, PARENTS, PART_NAMES
+from tests.silhouette_core.body.test_body_model import MIRROR, solid_angle
 
 FOLDER = Path(body.__file__).parent
 LEFT = np.array([n.startswith("left") for n in PART_NAMES])
 RIGHT = np.array([n.startswith("right") for n in PART_NAMES])
-MIRROR = np.array(
-    [
-        PART_NAMES.index(n.replace("left", "*").replace("right", "left").replace("*", "right"))
-        for n in PART_NAMES
-    ]
-)
 
 
 @pytest.fixture(params=["man", "woman"])
@@ -109,19 +104,10 @@ def test_shipped_files(body):
 
 def test_joints_lie_inside_their_limbs(body):
     arrays, _ = body
-    vertices, faces, joints = (
-        arrays["vertices_m"].astype(float),
-        arrays["faces"],
-        arrays["joints_m"].astype(float),
-    )
-    for joint, name in zip(joints, PART_NAMES, strict=True):
-        # The solid angle of a closed surface seen from inside is the whole sphere (van Oosterom and
-        # Strackee).
-        a, b, c = (vertices[faces[:, k]] - joint for k in range(3))
-        la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-        volume = (a * np.cross(b, c)).sum(1)
-        base = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb
-        assert abs(2 * np.arctan2(volume, base).sum() / (4 * np.pi) - 1) < 1e-3, name
+    mesh = trimesh.Trimesh(arrays["vertices_m"].astype(float), arrays["faces"], process=False)
+    for joint, name in zip(arrays["joints_m"].astype(float), PART_NAMES, strict=True):
+        # That of a closed surface seen from inside is the whole sphere.
+        assert abs(solid_angle(mesh, joint) / (4 * np.pi) - 1) < 1e-3, name
 
 
 def test_triangles_are_even_enough_to_bend(body):
