@@ -100,8 +100,6 @@ def test_the_shortest_signals_that_a_filter_takes(kind, order, cutoff_hz):
     low_pass = LowPass(kind, cutoff_hz, None if kind == "gaussian" else order)
     count = low_pass.shortest(60.0)
     values = np.random.default_rng(0).normal(size=(count, 2))
-    assert smooth(values[1:], 60.0, low_pass) is not values
-    assert smooth(values[1:], 60.0, low_pass).shape == (count - 1, 2)
     filtered = smooth(values, 60.0, low_pass)
     assert filtered.shape == (count, 2)
     assert np.isfinite(filtered).all() and not np.array_equal(filtered, values)
