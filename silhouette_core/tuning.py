@@ -285,8 +285,6 @@ class Refinement:
     """1. Weight of a surface point outside a silhouette, relative to a contour point."""
     outside_m: float = 0.15
     """m. Scale of its robust weight."""
-    limit_deg: float = 3.0
-    """Degrees. Standard deviation of an angle beyond its limit."""
     trust_m: float = 0.10
     """m. Largest step of the root: beyond it the correspondences change."""
     trust_rad: float = 0.35

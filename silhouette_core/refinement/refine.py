@@ -375,8 +375,7 @@ def add_pose_priors(
     model: BodyModel,
     priors: PosePriors,
 ) -> None:
-    """Adds the priors to the normal equations of K poses, in place: resting stance, joint limits,
-    given prior.
+    """Adds the priors to the normal equations of K poses, in place: resting stance, given prior.
 
     Args:
         matrix: (K, 6 + D, 6 + D) float64.
@@ -389,8 +388,6 @@ def add_pose_priors(
         means.first(count).arrays,
         precision[:count],
         (usual_precision[:count], relaxed_rad(model.tree)),
-        model.tree.dof_limits_rad,
-        1 / np.radians(REFINEMENT.limit_deg) ** 2,
         matrix,
         gradient,
     )

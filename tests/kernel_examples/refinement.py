@@ -100,9 +100,8 @@ def add_pose_terms(rng):
     size = 6 + DOFS
     precision = rng.uniform(0, 2, (3, size)) * np.array([[1], [0], [1]])
     usual = rng.uniform(0, 1, (3, DOFS)), rng.normal(size=DOFS)
-    limits = np.tile([-0.5, 0.5], (DOFS, 1))
     filled = np.zeros((3, size, size)), rng.normal(size=(3, size))
-    arguments = poses(rng, 3), poses(rng, 3), precision, usual, limits, 9.0, *filled
+    arguments = poses(rng, 3), poses(rng, 3), precision, usual, *filled
     return Example(arguments, atol=1e-11)
 
 

@@ -142,16 +142,15 @@ def add_silhouette_terms(contour, outside, weights, outside_m, body, placed, mat
         add_normal_equations(rows, weight, r, matrix[k], gradient[k])
 
 
-def add_pose_terms(poses, means, precision, usual, limits, limit_precision, matrix, gradient):
-    """Gaussians about a mean pose and the resting stance, and of what is beyond the limits."""
+def add_pose_terms(poses, means, precision, usual, matrix, gradient):
+    """Gaussians about a mean pose and the resting stance."""
     (roots, rotations, angles), (stance_precision, stance) = poses, usual
-    beyond = angles - np.clip(angles, *limits.T)
     turn = Rotation.from_matrix(rotations @ np.swapaxes(means[1], 1, 2)).as_rotvec()
     off = np.concatenate([roots - means[0], turn, angles - means[2]], axis=1)
     gradient += precision * off
-    gradient[:, 6:] += stance_precision * (angles - stance) + limit_precision * beyond
+    gradient[:, 6:] += stance_precision * (angles - stance)
     diagonal = precision.copy()
-    diagonal[:, 6:] += stance_precision + limit_precision * (beyond != 0)
+    diagonal[:, 6:] += stance_precision
     matrix += diagonal[..., None] * np.eye(diagonal.shape[1])
 
 

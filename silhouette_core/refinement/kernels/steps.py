@@ -59,13 +59,13 @@ def _turn_by(vector, rotation):
 
 
 @kernel
-def add_pose_terms(poses, means, precision, usual, limits, limit_precision, matrix, gradient):
-    """Adds the priors of K poses to matrix (K, n, n) and gradient (K, n): resting stance, joint
-    limits, a Gaussian.
+def add_pose_terms(poses, means, precision, usual, matrix, gradient):
+    """Adds the priors of K poses to matrix (K, n, n) and gradient (K, n): resting stance,
+    a Gaussian.
 
     poses are roots (K, 3), rotations (K, 3, 3) and angles (K, D), means the same of the Gaussians
     with the precisions (K, n), 0 for none. usual holds the precisions (K, D) of the resting stance,
-    1/rad², and its angles (D,); limits (D, 2) of the angles are passed at limit_precision.
+    1/rad², and its angles (D,).
     """
     roots, rotations, angles = poses
     stance_precision, stance = usual
@@ -74,10 +74,6 @@ def add_pose_terms(poses, means, precision, usual, limits, limit_precision, matr
         for d in range(angles.shape[1]):
             angle, curvature = angles[k, d], stance_precision[k, d]
             gradient[k, 6 + d] += curvature * (angle - stance[d])
-            beyond = min(angle - limits[d, 0], 0.0) + max(angle - limits[d, 1], 0.0)
-            if beyond != 0.0:
-                curvature += limit_precision
-                gradient[k, 6 + d] += limit_precision * beyond
             off = angle - means[2][k, d]
             gradient[k, 6 + d] += precision[k, 6 + d] * off
             matrix[k, 6 + d, 6 + d] += curvature + precision[k, 6 + d]
