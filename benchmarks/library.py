@@ -7,14 +7,10 @@ import numpy as np
 from benchmarks.cases import Case, Timed, case
 from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
+from silhouette_core.image.spans import Spans
 from silhouette_core.jit import parallel_kernel, prange
 from silhouette_core.monocular.tree.pose_library import LibrarySettings, nwxor_weights
-from silhouette_core.monocular.tree.rendering import (
-    pose_surfaces,
-    render_views,
-    silhouette_levels,
-    spans_of,
-)
+from silhouette_core.monocular.tree.rendering import pose_surfaces, render_views, silhouette_levels
 from silhouette_core.monocular.tree.tree import PoseSpace, Scorer, Split
 from silhouette_core.scoring.backend import Target
 from silhouette_core.scoring.cpu import CpuBackend
@@ -63,7 +59,7 @@ def _masks() -> tuple[np.ndarray, ...]:
 
 def _score(level: int, dense: Timed, name: str, goal: str = "") -> Case:
     masks = _masks()[level]
-    weights, spans = nwxor_weights(masks[0], _WINDOW), spans_of(masks)
+    weights, spans = nwxor_weights(masks[0], _WINDOW), Spans.from_masks(masks)
     target = Target((masks[0],), (weights,), scale=1 / masks[0].size)
     every = np.arange(len(spans))
     ours = Timed(lambda _: CpuBackend().span_distances(target, spans, every)[:, 0], repeats=20)
@@ -131,7 +127,7 @@ def first_level() -> Case:
         return dense_distances(masks[representative], masks, np.ones(masks[0].shape))
 
     by_xor = LibrarySettings(weighting="xor")
-    ours = Timed(lambda _: divide(Scorer(spans_of(masks), (80, 60), by_xor, _WINDOW)))
+    ours = Timed(lambda _: divide(Scorer(Spans.from_masks(masks), (80, 60), by_xor, _WINDOW)))
     name = "distances pixel by pixel, compiled"
     same = lambda a, b: "" if (a == b).mean() > 0.99 else "the results differ"  # noqa: E731
     return Case(ours, Timed(lambda _: divide(dense)), name, same, rounds=2)

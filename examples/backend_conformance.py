@@ -244,7 +244,8 @@ def _target(rng: np.random.Generator, windows: int, shifts: int) -> Target:
 
 def _spans(rng: np.random.Generator, count: int) -> Spans:
     """Silhouettes, some of them empty, as libraries store them and as they are made."""
-    spans = Spans.from_masks(rng.random(_SIZE) < rng.random() for _ in range(count))
+    masks = [rng.random(_SIZE) < rng.random() for _ in range(count)]
+    spans = Spans.from_masks(np.array(masks, np.bool_).reshape(count, *_SIZE))
     runs: Any = spans.rows, spans.starts, spans.ends
     rows, starts, ends = (array.astype(np.int16 if count % 2 else np.int32) for array in runs)
     return Spans(rows, starts, ends, spans.offsets)

@@ -1,6 +1,7 @@
 import cv2
 import numpy as np
 
+from silhouette_core.image.spans import Spans
 from tests.kernel_examples import Example
 from tests.kernel_examples.bodies import rotations
 
@@ -19,27 +20,10 @@ def centre_windows(rng):
     return Example((parts, windows, shifts, np.zeros((4, 4), np.uint16), np.empty(4, np.int32)))
 
 
-def count_runs(rng):
-    return Example((masks(rng), np.empty(4, np.int64)))
-
-
-def runs(given):
-    """Offsets, rows, starts and ends (exclusive) of the runs of masks."""
-    steps = np.diff(np.pad(given, ((0, 0), (0, 0), (1, 1))).astype(int), axis=2)
-    offsets = np.r_[0, np.cumsum((steps > 0).sum(axis=(1, 2)))]
-    _, rows, starts = np.nonzero(steps > 0)
-    return offsets, rows, starts, np.nonzero(steps < 0)[2]
-
-
-def fill_runs(rng):
-    given = masks(rng)
-    offsets, rows, starts, ends = runs(given)
-    return Example((given, offsets, *(np.empty(len(r), np.int16) for r in (rows, starts, ends))))
-
-
 def draw_runs(rng):
-    offsets, *spans = runs(masks(rng))
-    return Example((*spans, offsets, np.array([2, 0]), np.zeros((2, *SIZE), bool)))
+    spans = Spans.from_masks(masks(rng))
+    runs = spans.rows, spans.starts, spans.ends, spans.offsets
+    return Example((*runs, np.array([2, 0]), np.zeros((2, *SIZE), bool)))
 
 
 def nearest_samples(rng):

@@ -21,17 +21,6 @@ def centre_windows(parts, windows, shifts, areas, outside):
         outside[n] = len(rows) - np.count_nonzero(windows[n])
 
 
-def count_runs(masks, counts):
-    """Numbers of starts of runs."""
-    counts[:] = (_steps(masks) > 0).sum(axis=(1, 2))
-
-
-def fill_runs(masks, offsets, rows, starts, ends):
-    """Steps up are starts, steps down are ends."""
-    _, rows[:], starts[:] = np.nonzero(_steps(masks) > 0)
-    ends[:] = np.nonzero(_steps(masks) < 0)[2]
-
-
 def draw_runs(rows, starts, ends, offsets, which, masks):
     """Sum of the steps along each row."""
     steps = np.zeros((*masks.shape[:2], masks.shape[2] + 1), int)
@@ -55,11 +44,6 @@ def nearest_samples(
         order = np.argsort(square, kind="stable")[: index.shape[1]]
         index[n], distance2[n] = source, np.inf
         index[n, : len(order)], distance2[n, : len(order)] = other[order], square[order]
-
-
-def _steps(masks):
-    """Changes (N, h, w + 1) along the rows of masks (N, h, w), empty outside."""
-    return np.diff(np.pad(masks, ((0, 0), (0, 0), (1, 1))).astype(np.int8), axis=2)
 
 
 def thin_rows(rows, grid, tolerance, kept):

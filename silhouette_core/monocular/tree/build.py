@@ -33,7 +33,6 @@ from silhouette_core.monocular.tree.rendering import (
     render_views,
     select_spans,
     silhouette_levels,
-    spans_of,
 )
 from silhouette_core.monocular.tree.store import VERSION
 from silhouette_core.monocular.tree.transitions import find_neighbours, view_orientations
@@ -226,7 +225,7 @@ def _render_some(bases: BasePoses, model: BodyModel, views: FloatArray, which: s
         seen = render_views(model, block, base, np.tile(views, (len(block), 1)))
         arrays = {name: getattr(seen, name) for name in _FACTS}
         for number, masks in enumerate(silhouette_levels(seen.windows > 0)):
-            runs = spans_of(masks)
+            runs = Spans.from_masks(masks)
             arrays |= {f"level{number}.{name}": getattr(runs, name) for name in _RUNS}
         parts.append(arrays)
     return _joined(parts)

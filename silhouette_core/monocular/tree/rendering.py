@@ -121,16 +121,6 @@ def silhouette_levels(mask: BoolArray) -> tuple[BoolArray, ...]:
     return tuple(reversed(levels))
 
 
-def spans_of(masks: BoolArray) -> Spans:
-    """Runs of silhouettes (N, h, w) bool in 16 bits, enough for the windows of a library."""
-    counts = np.empty(len(masks), np.int64)
-    kernels.count_runs(masks, counts)
-    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    rows, starts, ends = (np.empty(int(offsets[-1]), np.int16) for _ in range(3))
-    kernels.fill_runs(masks, offsets, rows, starts, ends)
-    return Spans(rows, starts, ends, offsets)  # type: ignore[arg-type]
-
-
 def select_spans(spans: Spans, which: IndexArray) -> Spans:
     """Selection `which` (K,) of silhouettes, in that order."""
     counts = np.diff(spans.offsets)[which]

@@ -42,48 +42,6 @@ def centre_windows(parts, windows, shifts, areas, outside):
 
 
 @kernel
-def _count_mask(mask):
-    """Number of runs of foreground in the rows of a mask (h, w)."""
-    count = 0
-    for y in range(mask.shape[0]):
-        previous = False
-        for x in range(mask.shape[1]):
-            count += mask[y, x] and not previous
-            previous = mask[y, x]
-    return count
-
-
-@parallel_kernel
-def count_runs(masks, counts):
-    """Fills counts (N,): runs of foreground in the rows of masks (N, h, w)."""
-    for n in prange(len(masks)):
-        counts[n] = _count_mask(masks[n])
-
-
-@parallel_kernel
-def fill_runs(masks, offsets, rows, starts, ends):
-    """Fills rows, starts and ends with the runs of masks (N, h, w), those of mask n from offsets[n]
-    on; ends are exclusive.
-    """
-    width = masks.shape[2]
-    for n in prange(len(masks)):
-        k = offsets[n]
-        for y in range(masks.shape[1]):
-            previous = False
-            for x in range(width):
-                current = masks[n, y, x]
-                if current and not previous:
-                    rows[k], starts[k] = y, x
-                elif previous and not current:
-                    ends[k] = x
-                    k += 1
-                previous = current
-            if previous:
-                ends[k] = width
-                k += 1
-
-
-@kernel
 def draw_runs(rows, starts, ends, offsets, which, masks):
     """Draws the runs of silhouettes `which` (N,) into empty masks (N, h, w)."""
     for n in range(len(which)):
