@@ -55,7 +55,8 @@ def only_darker(view: FrameView, bright: Float32Array, noise: float) -> BoolArra
         bright: (H, W), of `pooled_brightness`.
         noise: ratio of the frame's noise to the model's.
     """
-    return (pooled_chroma(view, noise) <= SHADOW.chroma) & (bright < -SHADOW.brightness * noise)
+    without_tint = pooled_chroma(view, noise) <= FOREGROUND.possible
+    return without_tint & (bright < -FOREGROUND.pooled * noise)
 
 
 def rising_shades(darkest: float) -> Float32Array:
@@ -75,12 +76,6 @@ def darkest_shadow(counts: IntArray) -> float | None:
     """
     if counts.sum() < _PIXELS:
         return None
-    edges = _edges()
-    middles = 0.5 * (edges[:-1] + edges[1:])
-    peak = middles[np.convolve(counts, np.ones(3), "same").argmax()]
-    # The penumbra of a soft shadow has the peak, its core is darker.
-    core = middles[np.searchsorted(np.cumsum(counts), SHADOW.core * counts.sum())]
-    usual, below = FOREGROUND.shadow, peak - SHADOW.margin
-    if below < usual:
-        return max(SHADOW.range[0], float(below))
-    return float(np.clip(min(below, core - SHADOW.core_margin), usual, SHADOW.range[1]))
+    # The penumbra of a soft shadow is bright, its core is darker.
+    core = int(np.searchsorted(np.cumsum(counts), SHADOW.core * counts.sum()))
+    return min(float(_edges()[max(core - 1, 0)]), SHADOW.range[1])

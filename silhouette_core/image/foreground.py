@@ -147,9 +147,8 @@ def _sharpen(view: FrameView, mask: BoolArray) -> BoolArray:
     inside, outside = ~grown(~mask, gap), ~grown(mask, gap)
     moved = mask.copy()
     planes, mean, edge = view.planes, view.background.planes, near & ~shrunk
-    contrast = np.float32(FOREGROUND.contrast)
     light = np.float32(0.2), np.float32(2)  # largest effects of shadows and of reflections
-    kernels.sharpen(planes, mean, light, edge, inside, outside, 2 * radius, contrast, moved)
+    kernels.sharpen(planes, mean, light, edge, inside, outside, 2 * radius, moved)
     return moved
 
 
