@@ -43,7 +43,6 @@ class Foreground:
     """1. Darkest cast shadow over the background's brightness, where it is not measured."""
     area: float = 3e-4  #: 1. Of the image: smaller components, or holes in colours, are removed.
     body_share: float = 0.01  #: 1. Of the largest component: smaller ones are removed.
-    hole: float = 4e-5  #: 1. Of the image: holes up to this are filled.
     empty_share: float = 0.8  #: 1. Quantile of a frame's differences that a person does not reach.
     beyond: float = 2.0  #: 1. Multiple of that quantile from which a difference is not noise.
     usual_chroma: float = 0.7  #: Noise. Pooled chromatic residual of an empty scene.
@@ -116,9 +115,6 @@ class Cut:
     """px. Shorter side of the pictures that are cut, whose edges are then sharpened, and of those
     that tell the empty scene: costs of areas and edges depend on it."""
     link: float = 3.0  #: Nats. Cost of neighbours that differ, without contrast.
-    beside: float = 3.0
-    """Nats. Most that anything but colours says of a pixel: that nobody saw its background, when
-    colours are first learned."""
     worn: float = 0.03
     """1. Weight of what speaks for the background in colours that the person has, too."""
     alike: float = 0.03

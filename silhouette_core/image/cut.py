@@ -21,7 +21,7 @@ from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
 from silhouette_core.image.person_colours import SHIFT, PersonColours, even_colours, without_tint
-from silhouette_core.tuning import BACKGROUND, CUT
+from silhouette_core.tuning import BACKGROUND, COLOURS, CUT
 
 _ROUNDS = 6  # sweeps of the messages from each side
 _LEARNED = 3  # times that the colours are learned and the samples cut
@@ -75,7 +75,7 @@ class SceneColours:
         even = even_colours(reduced)
         colours = replace(self, person=np.log(even), others=even)
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
-        occupied = [~reduced.known & (colours._odds(frame) > -CUT.beside) for frame in small]
+        occupied = [~reduced.known & (colours._odds(one) > -COLOURS.most_odds) for one in small]
         if evidence is not None:
             occupied = [odds > 0 for odds in evidence]
         for turn in range(_LEARNED):

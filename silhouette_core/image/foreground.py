@@ -125,7 +125,7 @@ def segmented(
     """
     everywhere = np.zeros(background.mean.shape[:2], np.bool_)
     inside = (slice(0, None), slice(0, None)) if window is None else window
-    mask = _clean(cut, None if region is None else region[inside], everywhere.size)
+    mask = _clean(cut, None if region is None else region[inside], background)
     if not mask.any():
         return everywhere
     box = bounding_box(mask, margin=8 * background.radius)
@@ -135,7 +135,7 @@ def segmented(
     )
     view = FrameView.of(frame[box], background.part((rows, columns)))
     within = None if region is None else region[rows, columns]
-    everywhere[rows, columns] = _clean(_sharpen(view, mask[box]), within, everywhere.size)
+    everywhere[rows, columns] = _clean(_sharpen(view, mask[box]), within, background)
     return everywhere
 
 
@@ -152,8 +152,10 @@ def _sharpen(view: FrameView, mask: BoolArray) -> BoolArray:
     return moved
 
 
-def _clean(mask: BoolArray, region: BoolArray | None, pixels: int) -> BoolArray:
-    """Mask (H, W) without the components and holes that are small for an image of `pixels`."""
-    area, hole = round(FOREGROUND.area * pixels), round(FOREGROUND.hole * pixels)
-    share = FOREGROUND.body_share
+def _clean(mask: BoolArray, region: BoolArray | None, background: Background) -> BoolArray:
+    """Mask (H, W) without the components that are small for a background's image, and holes that
+    are smaller than the disc over which residuals are pooled.
+    """
+    area, share = round(FOREGROUND.area * background.known.size), FOREGROUND.body_share
+    hole = round(np.pi * background.radius**2)
     return clean(mask, min_area_px=area, min_share=share, max_hole_px=hole, region=region)
