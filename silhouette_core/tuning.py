@@ -137,10 +137,9 @@ class Colours:
     """
 
     smoothing_bins: float = 0.8  #: Bins. Smoothing of histograms of colours.
-    any_share: float = 0.01  #: 1. Of the person's pixels have any colour.
+    any_share: float = 0.01  #: 1. Of the pixels of a person, or of a head, have any colour.
     own_share: float = 0.95  #: 1. Of the person's pixels have a colour that counts as the person's.
     most_odds: float = 5.0  #: Nats. Largest logarithm of a single pixel's odds.
-    unseen: float = 0.02  #: 1. Density added to the clothes' colours, relative to an even one.
     dark: float = 8.0
     """Grey levels. Added to brightness, since noise of dark clothes is not their shading."""
     shading: float = 1.0  #: Nats. Largest shading that is told.
@@ -281,12 +280,8 @@ class Refinement:
     largest_shape: float = 3.0
     """1. Largest deviation of a person's shape, in standard deviations; beyond it the hull's height
     says nothing of a stature, either: who crouches or reaches up is a factor of 1.16 off."""
-    girth_sigma: float = 1.7
-    """1. With one camera, multiple of the girths' standard deviations: clothes are loose."""
-    length_sigma: float = 0.6
-    """1. The same of the lengths, which one view confounds with depth."""
     build_sigma: float = 0.20
-    """1. Deviation common to all girths, from slim to heavy."""
+    """1. With one camera, deviation common to all girths, from slim to heavy, and of clothes."""
     same_root_m: float = 0.15
     """m. Roots of single frames farther than this from their median do not count."""
 
