@@ -85,11 +85,6 @@ class HeadColours:
         self._head += np.bincount(bins[head & person], minlength=size)
         self._rest += np.bincount(bins[person & ~head], minlength=size)
 
-    def fade(self, factor: float) -> None:
-        """Multiplies the weight of all pictures so far by a factor."""
-        self._head *= factor
-        self._rest *= factor
-
     def likelihood(self) -> Float32Array | None:
         r"""How much likelier each colour (8192,) is on the head, 0 to 1; None: too few pixels.
 
@@ -101,4 +96,4 @@ class HeadColours:
             gaussian_filter(counts.reshape(_BINS), COLOURS.smoothing_bins).ravel() / counts.sum()
             for counts in (self._head, self._rest)
         )
-        return (head / (head + rest + COLOURS.unseen / len(head))).astype(np.float32)
+        return (head / (head + rest + COLOURS.any_share / len(head))).astype(np.float32)

@@ -45,11 +45,6 @@ class ColourBrightness:
         self._count += np.bincount(colours, minlength=_BINS**2)
         self._sum += np.bincount(colours, _LOG[grey], minlength=_BINS**2)
 
-    def fade(self, factor: float) -> None:
-        """Multiplies the weight of all pixels so far by a factor."""
-        self._count *= factor
-        self._sum *= factor
-
     def mean(self) -> Float32Array:
         """Mean logarithm (4096,) of the brightness of every colour and, with less weight, of
         colours near to it; NaN where too few pixels were seen.

@@ -140,8 +140,6 @@ class Head:
 
     from_neck: float = 0.35  #: 1. Of the way from the neck to the top: above it is the head.
     radius: float = 0.15  #: 1. Of the head, relative to that way.
-    memory: float = 0.9
-    """1. Weight of the earlier pictures in the head's colours, in every block or frame."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +150,6 @@ class BodyAdaptation:
     contour_m: float = 0.02  #: Metres. Standard deviation of a contour residual.
     independence: float = 0.15  #: 1. Fraction of contour points that count as independent.
     shod_sigma: float = 0.02  #: Statures by which shoes and clothes make a person taller.
-    sole_m: float = 0.012  #: Metres. Height of the lowest sampled point of a standing foot.
 
 
 @dataclass(frozen=True)
@@ -174,7 +171,6 @@ class ProposedModes:
     pelvis_sigma_m: float = 0.15  #: Metres. Deviation of its pelvis.
     usual_height: float = 0.53  #: Statures. Height of a person's middle.
     heights: Range = (0.15, 1.1)  #: Statures. Range of it in which z = 0 may be the floor.
-    alike_m: float = 0.08  #: Metres. Mean distance of the joints of modes that are averaged.
 
 
 @dataclass(frozen=True)

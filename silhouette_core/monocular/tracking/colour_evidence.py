@@ -44,18 +44,13 @@ class ColourEvidence:
         self._brightness = ColourBrightness()
         self._mean = self._brightness.mean()
 
-    def learn(
-        self, people: Sequence[Person], joints_m: Sequence[FloatArray], memory: float
-    ) -> bool:
+    def learn(self, people: Sequence[Person], joints_m: Sequence[FloatArray]) -> bool:
         """Learns the colours from frames; returns whether they are known now.
 
         Args:
             people: n silhouettes with colours, or without, which are passed over.
             joints_m: n poses' joints (15, 3) in the world.
-            memory: weight of all earlier frames.
         """
-        self._colours.fade(memory)
-        self._brightness.fade(memory)
         for person, joints in zip(people, joints_m, strict=True):
             if person.colours is not None:
                 head = self._head(joints, person.colours)

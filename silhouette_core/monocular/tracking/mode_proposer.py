@@ -17,7 +17,6 @@ from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tracking.body_adaptation import adapted_body
 from silhouette_core.monocular.tracking.colour_evidence import ColourEvidence
 from silhouette_core.monocular.tracking.pose_modes import MEMORY_S, FrameModes, ModeFinder, ModeView
-from silhouette_core.monocular.tuning import HEAD
 from silhouette_core.monocular.window import Window
 from silhouette_core.progress import StageClock
 from silhouette_core.refinement.observation import PinholeViews
@@ -96,7 +95,7 @@ class ModeProposer:
     def learn(self, number: int, person: Person, joints_m: FloatArray) -> None:
         """See `observed_frame.Proposer.learn`."""
         if number % _COLOURS_EVERY == 0:
-            self._colours.learn([person], [joints_m], HEAD.memory)
+            self._colours.learn([person], [joints_m])
 
     def _over_time(
         self, views: list[ModeView], people: Sequence[Person], first: bool
@@ -104,7 +103,7 @@ class ModeProposer:
         """Modes of all frames, with the colours of the head as soon as that is found."""
         facing = self._facing and first
         modes = self._finder.find(views, facing=facing)
-        if not self._colours.learn(people, [one.likeliest for one in modes], HEAD.memory):
+        if not self._colours.learn(people, [one.likeliest for one in modes]):
             return modes
         views = [self._coloured(*pair) for pair in zip(views, people, strict=True)]
         return self._finder.find(views, facing=facing)

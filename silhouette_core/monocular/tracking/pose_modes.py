@@ -29,6 +29,7 @@ from silhouette_core.monocular.tracking.body_heading import (
     body_headings,
     smooth_headings,
 )
+from silhouette_core.monocular.tracking.frame_costs import TrackerSettings
 from silhouette_core.monocular.tuning import MODES
 from silhouette_core.monocular.window import STATURE_PX, Window, look_at
 from silhouette_core.ranking import rounded
@@ -273,12 +274,13 @@ def merge_modes(
     Source: Comaniciu and Meer, Mean shift (2002).
     """
     apart = np.linalg.norm(joints[:, None] - joints, axis=-1).mean(axis=-1)
-    kernel = np.exp(-0.5 * (apart / MODES.alike_m) ** 2)
+    alike_m = TrackerSettings.different_m
+    kernel = np.exp(-0.5 * (apart / alike_m) ** 2)
     weights = kernel * probability
     density = weights.sum(axis=1)
     chosen: list[int] = []
     for mode in np.argsort(rounded(-density), kind="stable"):
-        if all(apart[mode, other] > MODES.alike_m for other in chosen):
+        if all(apart[mode, other] > alike_m for other in chosen):
             chosen.append(int(mode))
     owner = np.array(chosen)[apart[chosen].argmin(axis=0)]
     mass = np.array([probability[owner == mode].sum() for mode in chosen])

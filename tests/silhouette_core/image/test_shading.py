@@ -63,13 +63,3 @@ def test_outside_and_of_rare_colours_nothing_is_said():
     brighter = np.minimum(picture + 30, 255).astype(np.uint8)
     found = relative_shading(chromaticity(picture), grey(brighter), few.mean(), picture[..., 0] > 0)
     assert not found.any()
-
-
-def test_what_fades_is_forgotten():
-    bright, dark = (dressed(np.full((40, 100), light)) for light in (1.0, 0.5))
-    known = brightness(bright)
-    before = np.nanmean(known.mean())
-    known.fade(0.0)
-    assert np.isnan(known.mean()).all()
-    known.add(chromaticity(dark).ravel(), grey(dark).ravel())
-    assert np.nanmean(known.mean()) < before - 0.5

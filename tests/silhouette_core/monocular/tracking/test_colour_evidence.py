@@ -1,7 +1,5 @@
 """Hands and bare arms before the trunk are found by the colours of the head."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
@@ -73,7 +71,7 @@ def test_arms_before_the_trunk_have_the_colours_of_the_head(scene):
     evidence = ColourEvidence(CAMERA)
     window = look_at(CAMERA, person.mask, 4.0, STATURE_PX / STATURE_M)
     assert evidence.inside(window, person) is None
-    assert evidence.learn([person] * 3, [joints] * 3, 1.0)
+    assert evidence.learn([person] * 3, [joints] * 3)
     inside = evidence.inside(window, person)
     assert inside is not None and inside.skin.shape == inside.shading.shape == (60, 80)
     found = inside.skin
@@ -95,10 +93,8 @@ def test_shading_is_that_of_the_surface_whatever_its_colour(scene):
     picture[:, ::2] = SKIN
     picture[middle:] //= 2
     lit = Person(person.mask, False, ColourCrop.of(picture, person.colours.corner))
-    darker = Person(person.mask, False, replace(lit.colours, grey=lit.colours.grey // 4))
     evidence = ColourEvidence(CAMERA)
-    evidence.learn([darker] * 3, [joints] * 3, 1.0)
-    evidence.learn([person, lit, lit, lit], [joints] * 4, 0.0)  # forgets what was before
+    evidence.learn([person, lit, lit, lit], [joints] * 4)
     inside = evidence.inside(window, lit)
     assert inside is not None
     shading = inside.shading.astype(int) - 32
@@ -115,14 +111,14 @@ def test_people_without_colours_are_passed_over(scene):
     person, _, joints = scene
     evidence = ColourEvidence(CAMERA)
     window = look_at(CAMERA, person.mask, 4.0, STATURE_PX / STATURE_M)
-    assert not evidence.learn([Person(person.mask, False)], [joints], 1.0)
-    assert evidence.learn([person, Person(person.mask, False)] * 3, [joints] * 6, 1.0)
+    assert not evidence.learn([Person(person.mask, False)], [joints])
+    assert evidence.learn([person, Person(person.mask, False)] * 3, [joints] * 6)
     assert evidence.inside(window, Person(person.mask, False)) is None
 
 
 def test_a_head_behind_the_camera_teaches_nothing(scene):
     person, _, joints = scene
-    assert not ColourEvidence(CAMERA).learn([person] * 3, [joints - (0, 9, 0)] * 3, 1.0)
+    assert not ColourEvidence(CAMERA).learn([person] * 3, [joints - (0, 9, 0)] * 3)
 
 
 def test_clothes_of_the_same_colours_are_not_taken_for_skin():
@@ -147,5 +143,3 @@ def test_colours_that_nobody_has_are_no_evidence(scene):
     assert likelihood is not None
     blue = quantise(np.full((1, 1, 3), (255, 30, 10), np.uint8))
     assert likelihood[blue] < 0.05
-    colours.fade(0.0)
-    assert colours.likelihood() is None

@@ -65,14 +65,14 @@ class Colours:
     """Stands for `ColourEvidence`: the head's colours are known once anything was learned."""
 
     def __init__(self):
-        self.memory = []
+        self.learned = []
 
-    def learn(self, people, joints_m, memory):
-        self.memory.append((len(people), memory))
+    def learn(self, people, joints_m):
+        self.learned.append(len(people))
         return True
 
     def inside(self, window, person):
-        return "inside" if self.memory else None
+        return "inside" if self.learned else None
 
 
 def proposer_of(monkeypatch, smooth=True, sexes=(), facing=True):
@@ -133,7 +133,7 @@ def test_who_may_face_the_camera_does_so_first_of_all(monkeypatch):
         # Twice each: as soon as the head is found, its colours are read, too.
         assert network.facing == [facing, facing, False, False]
         assert network.coloured == [[False] * 3, [True] * 3] * 2
-        assert len(modes) == 3 and colours.memory == [(3, 0.9), (3, 0.9)]
+        assert len(modes) == 3 and colours.learned == [3, 3]
 
 
 def test_the_body_is_adapted_once(monkeypatch):
@@ -165,7 +165,7 @@ def test_frame_by_frame_the_newest_is_asked_for(monkeypatch):
         proposer.learn(frame, PERSON, np.zeros((15, 3)))
     assert network.read_m[4:] == [TRUE_M] * 6
     assert network.coloured[-1] == [False] + [True] * 6  # from the first frame on
-    assert colours.memory == [(1, 0.9)] * 2  # of frames 0 and 5
+    assert colours.learned == [1] * 2  # of frames 0 and 5
 
 
 @pytest.mark.slow
