@@ -23,8 +23,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.body.sizes import BodySizes
 from silhouette_core.monocular import tuning
 from silhouette_core.monocular.making.from_motion import learned_from, motion_digest, read_clips
-from silhouette_core.monocular.making.network_training import TrainingSettings
-from silhouette_core.monocular.making.proposal_learning import LearningSettings
+from silhouette_core.monocular.making.learning_settings import LearningSettings, TrainingSettings
 from silhouette_core.monocular.making.virtual_defects import seen_errors
 from silhouette_core.monocular.proposal import shipped
 from silhouette_core.monocular.tree.build import Checkpoint

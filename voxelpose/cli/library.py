@@ -59,7 +59,7 @@ class Build:
             from silhouette_core.body.sizes import BodySizes
             from silhouette_core.jit import set_threads
             from silhouette_core.monocular.making.from_motion import make_library, read_clips
-            from silhouette_core.monocular.making.proposal_learning import LearningSettings
+            from silhouette_core.monocular.making.learning_settings import LearningSettings
             from silhouette_core.monocular.proposal.shipped import shipped_proposal
             from silhouette_core.monocular.tree.pose_library import LibrarySettings
             from silhouette_core.motion.body_source import load_body

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from calib.errors import InputError
 from calib.storage.atomic import claimed
 from silhouette_core.body.model import BodyModel
-from silhouette_core.monocular.making.proposal_learning import LearningSettings, learn_proposal
+from silhouette_core.monocular.making.learning_settings import LearningSettings
 from silhouette_core.monocular.proposal.pose_proposal import PoseProposal
 from silhouette_core.monocular.tree.base_poses import base_poses
 from silhouette_core.monocular.tree.build import Checkpoint, build_library
@@ -107,6 +108,11 @@ def make_library(
     reporter = reporter or SilentReporter()
     if model.person is None:
         settings, learning = replace(settings, mirror=False, weighting="xor"), None
+    if learning is not None and find_spec("jax") is None:
+        raise InputError(
+            "a person's library is learned by JAX, which is not installed: pip install"
+            " 'voxelpose[train]'"
+        )
     if path.is_dir() or (path.exists() and not is_library(path)):
         raise InputError(
             f"{path} exists and is not a pose library, so it is not overwritten: give --out another"
@@ -151,6 +157,8 @@ def learned_from(
     """Proposal learned from all motion, with checkpoints in a folder of its encoding and of all of
     it; see `learn_proposal`.
     """
+    from silhouette_core.monocular.making.proposal_learning import learn_proposal
+
     facts = json.dumps([asdict(settings), asdict(model.sizes), motion_digest(motions)])
     digest = hashlib.sha256(facts.encode())
     for array in begun.arrays().values() if begun is not None else ():

@@ -1,74 +1,97 @@
-"""Training of a mixture density network by Adam on the likelihood, and of the encoders, by whose
-codes alone poses are to be told from single frames.
+"""Training of a mixture density network on the likelihood, and of the encoders, by whose codes
+alone poses are to be told from single frames. Gradients are JAX's, Adam is optax's.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from math import lgamma
+from typing import TypeVar
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
+import optax
 
-from calib.checks import BoolArray, ByteArray, RealArray
-from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
-from silhouette_core.monocular.proposal.kernels import mixture as kernels
-from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork, normalised
+from calib.checks import BoolArray, RealArray
+from silhouette_core.monocular.making.learning_settings import TrainingSettings
+from silhouette_core.monocular.proposal.convolutional_encoder import (
+    SIZES,
+    STRIDE,
+    ConvolutionalEncoder,
+)
+from silhouette_core.monocular.proposal.mixture_network import (
+    JOINT_LOG_SIGMA,
+    OFFSET_LOG_SIGMA,
+    SIGMA,
+    MixtureNetwork,
+)
 from silhouette_core.monocular.proposal.pose_proposal import SilhouetteEncoding
 from silhouette_core.monocular.proposal.silhouette_features import (
     INSIDE_CODES,
     OUTLINE_CODES,
     SilhouetteBasis,
-    inside_images,
-    outline_images,
-    product,
 )
 from silhouette_core.monocular.tuning import TRAINING
 from silhouette_core.progress import Reporter
 from silhouette_core.read_ahead import side_by_side
+from silhouette_core.tuning import REFINEMENT
 
 _PARTS = 4  # of a batch, worked on side by side; their number changes the last digits
 _WARM_UP = 200  # steps over which the rate grows
 _FILTERS, _INSIDE_FILTERS = 16, 12
 _SAMPLE = 4000  # frames, over which the codes' variance is measured
+_FREEDOM = REFINEMENT.student_freedom
+# Logarithms of the densities' constants for one dimension and for two.
+_LOG_1 = lgamma((_FREEDOM + 1) / 2) - lgamma(_FREEDOM / 2) - np.log(_FREEDOM * np.pi) / 2
+_LOG_2 = lgamma((_FREEDOM + 2) / 2) - lgamma(_FREEDOM / 2) - np.log(_FREEDOM * np.pi)
+# Sums do not depend on the number of threads; parts of a batch are worked on side by side.
+_compiled = partial(jax.jit, compiler_options={"xla_cpu_multi_thread_eigen": False})
+_Parameters = TypeVar("_Parameters")
+_Batch = TypeVar("_Batch")
+_Layers = tuple[tuple[RealArray, ...], tuple[RealArray, ...]]  # weights and biases
 
 
-@dataclass(frozen=True)
-class TrainingSettings:
-    """Settings of a training."""
-
-    steps: int = 16_000  #: number of steps.
-    batch: int = 320  #: samples of a step, a multiple of 4.
-    rate: float = 2e-3  #: largest learning rate; it falls as a half cosine.
-    kept_rate: float = 0.25  #: that of what has learned before, relative to it.
-    units: int = 768  #: units of the hidden layers.
-    blocks: int = 2  #: residual blocks.
-    modes: int = 8  #: modes of the mixture.
-    noise: float = 0.03  #: deviation of the noise on the inputs.
-    decay: float = 3e-3  #: decay of the weights per unit of rate.
-
-
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
 class TrainingBatch:
     """Samples of a step."""
 
-    inputs: RealArray  #: (N, I).
-    joints: RealArray  #: (N, J, 3), statures.
-    offset: RealArray  #: (N, 3), as in `VirtualTake`.
+    inputs: RealArray  #: (N, I) float32.
+    joints: RealArray  #: (N, J, 3) float32, statures.
+    offset: RealArray  #: (N, 3) float32, as in `VirtualTake`.
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
-class LossGradient:
-    """Gradient of the mean of -log p over a batch."""
+class PictureBatch:
+    """Samples of a step: N single frames."""
 
-    loss: float  #: the mean.
-    weights: list[RealArray]  #: its gradient, one array per layer.
-    biases: list[RealArray]  #: likewise.
-    first: RealArray  #: (N, K), with respect to what the first layer makes of every sample.
+    outline: RealArray  #: (N, 60, 80, 1) float32, what the first encoder reads.
+    inside: RealArray  #: (N, 60, 80, 2) float32, what the second encoder reads.
+    coloured: BoolArray  #: (N,) bool, whether what lies inside the silhouettes is read.
+    samples: TrainingBatch
+    """What is to be told, and as inputs what the network reads beside the codes."""
 
 
-def loss_gradient(
+@partial(jax.custom_vjp, nondiff_argnums=(1,))
+def _limited(raw: jax.Array, limits: tuple[float, float]) -> jax.Array:
+    """Values within limits. A value beyond one is not pushed outward, and may come back."""
+    return jnp.clip(raw, *limits)
+
+
+def _inward(limits: tuple[float, float], raw: jax.Array, slope: jax.Array) -> tuple[jax.Array]:
+    outward = ((raw < limits[0]) & (slope > 0)) | ((raw > limits[1]) & (slope < 0))
+    return (jnp.where(outward, 0.0, slope),)
+
+
+_limited.defvjp(lambda raw, limits: (_limited(raw, limits), raw), _inward)
+
+
+def mixture_loss(
     network: MixtureNetwork, batch: TrainingBatch, share: float = 0.0
-) -> LossGradient:
-    r"""Gradient of the loss with respect to a network's weights and biases.
+) -> tuple[jax.Array, jax.Array]:
+    r"""What is descended along, and the loss.
 
     .. math::
 
@@ -81,66 +104,37 @@ def loss_gradient(
 
     Args:
         share: if above 0, the mode nearest to the truth is responsible for 1 - share of a sample
-            whatever its probability, and all modes for the rest ("winner takes most").
+            whatever its probability, and all modes for the rest ("winner takes most"). The gradient
+            of the first result follows this, the second result does not.
 
     Source: Bishop (1994); winner takes most as in Makansi et al., Overcoming limitations of
     mixture density networks (2019).
     """
-    state = network.layer(0, batch.inputs)
-    blocks: list[_Block] = []
-    for number in network.blocks:
-        normal, deviation = normalised(state)
-        hidden = network.layer(number, normal)
-        np.maximum(hidden, 0, out=hidden)
-        blocks.append(_Block(number, normal, deviation, hidden))
-        state = state + network.layer(number + 1, hidden)
-    normal, deviation = normalised(state)
-    last = np.maximum(normal, 0)
-    outputs = network.layer(len(network.weights) - 1, last)
-    slope, likelihood = np.empty_like(outputs), np.empty(len(outputs))
-    kernels.mixture_gradients(
-        outputs,
-        batch.joints,
-        batch.offset,
-        network.mean_joints,
-        network.modes,
-        share,
-        slope,
-        likelihood,
-    )
-    slope /= len(slope)
-    layers = [(last, slope)]  # inputs of every layer, and gradient with respect to its outputs
-    gradient = _before_normalising(
-        product(slope, network.weights[-1].T) * (last > 0), normal, deviation
-    )
-    for block in reversed(blocks):
-        inner = product(gradient, network.weights[block.number + 1].T) * (block.hidden > 0)
-        layers += [(block.hidden, gradient.copy()), (block.normal, inner)]
-        normal_gradient = product(inner, network.weights[block.number].T)
-        gradient += _before_normalising(normal_gradient, block.normal, block.deviation)
-    layers = [*layers, (batch.inputs, gradient)][::-1]
-    return LossGradient(
-        -float(likelihood.mean()),
-        [product(inputs.T, slope) for inputs, slope in layers],
-        [slope.sum(axis=0) for _, slope in layers],
-        gradient,
-    )
+    outputs = network.split(network.outputs(batch.inputs, jnp))
+    errors = outputs.joints + network.mean_joints - batch.joints[:, None]
+    across, along = jnp.moveaxis(_limited(outputs.log_sigma, JOINT_LOG_SIGMA), -1, 0)
+    squared = jnp.square(errors)
+    joint_log = _student_log((squared[..., 0] + squared[..., 2]), across, 2)
+    joint_log += _student_log(squared[..., 1], along, 1)
+    mode_log = jax.nn.log_softmax(outputs.logits) + joint_log.sum(axis=-1)
+    likelihood = jax.nn.logsumexp(mode_log, axis=1)
+    nearest = jax.nn.one_hot(squared.sum(axis=(2, 3)).argmin(axis=1), network.modes)
+    claimed = share / network.modes + (1 - share) * nearest
+    followed = jnp.where(share > 0, (claimed * mode_log).sum(axis=1), likelihood)
+    offset_log = _student_log(
+        jnp.square(outputs.offset - batch.offset),
+        _limited(outputs.offset_log_sigma, OFFSET_LOG_SIGMA),
+        1,
+    ).sum(axis=1)
+    return -(followed + offset_log).mean(), -(likelihood + offset_log).mean()
 
 
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """What a residual block made of a batch: N vectors of K elements."""
-
-    number: int  # of its first layer
-    normal: RealArray  # (N, K), what it read
-    deviation: RealArray  # (N, 1)
-    hidden: RealArray  # (N, K)
-
-
-def _before_normalising(gradient: RealArray, normal: RealArray, deviation: RealArray) -> RealArray:
-    """Gradient (N, K) with respect to vectors, from that of what `normalised` makes of them."""
-    along = (gradient * normal).mean(axis=1, keepdims=True)
-    return (gradient - gradient.mean(axis=1, keepdims=True) - normal * along) / deviation
+def _student_log(squared: jax.Array, log_sigma: jax.Array, dimensions: int) -> jax.Array:
+    """Logarithm of Student's t of squared errors, with deviations relative to `SIGMA`."""
+    constant = (_LOG_1 if dimensions == 1 else _LOG_2) - dimensions * np.log(SIGMA)
+    scaled = squared * jnp.exp(-2 * log_sigma) / SIGMA**2
+    power = (_FREEDOM + dimensions) / 2
+    return constant - dimensions * log_sigma - power * jnp.log1p(scaled / _FREEDOM)
 
 
 def train_network(
@@ -150,71 +144,88 @@ def train_network(
     rng: np.random.Generator,
     reporter: Reporter,
     further: bool = False,
-) -> float:
-    """Trains a network in place.
+) -> MixtureNetwork:
+    """The network, trained.
 
     Args:
         draw: draws a number of samples; called in several threads.
         further: whether the network has learned already, and its modes have parted.
-
-    Returns:
-        Mean loss of the last tenth of the steps.
     """
 
-    def gradients(
-        stream: np.random.Generator, samples: int, share: float
-    ) -> tuple[float, list[NDArray]]:
+    def noisy(stream: np.random.Generator, samples: int) -> TrainingBatch:
         batch = draw(stream, samples)
         noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
-        noisy = TrainingBatch(batch.inputs + noise, batch.joints, batch.offset)
-        gradient = loss_gradient(network, noisy, share)
-        return gradient.loss, [*_parted(gradient.weights, learned), *gradient.biases]
+        return replace(batch, inputs=batch.inputs + noise)
 
-    # Of inputs that nothing has learned to read, all weights are 0.
-    learned = int(np.flatnonzero(network.weights[0].any(axis=1))[-1]) + 1 if further else 0
-    parameters = [*_parted(network.weights, learned), *network.biases]
-    rates = np.full(len(parameters), settings.kept_rate if further else 1.0)
-    rates[1] = 1.0
-    claimed = 0.0 if further else TRAINING.claimed
-    return descend(parameters, gradients, settings, rng, reporter, claimed, rates.tolist())
+    def loss(layers: _Layers, batch: TrainingBatch, share: float) -> tuple[jax.Array, jax.Array]:
+        return mixture_loss(_with_layers(network, layers), batch, share)
+
+    layers, rates, claimed = (network.weights, network.biases), None, TRAINING.claimed
+    if further:
+        # Of inputs that nothing has learned to read, all weights are 0.
+        learned = int(np.flatnonzero(network.weights[0].any(axis=1))[-1]) + 1
+        rates = jax.tree.map(lambda _: settings.kept_rate, layers)
+        is_learned = np.arange(len(network.weights[0]))[:, None] < learned
+        rates[0][0] = np.where(is_learned, settings.kept_rate, 1.0)
+        claimed = 0.0
+    layers = descend(layers, loss, noisy, settings, rng, reporter, claimed, rates)
+    return _with_layers(network, layers)
 
 
-def _parted(weights: Sequence[NDArray], rows: int) -> list[NDArray]:
-    """Weights by layers, the first in two: so many rows, and the others."""
-    return [weights[0][:rows], weights[0][rows:], *weights[1:]]
+def _with_layers(network: MixtureNetwork, layers: _Layers) -> MixtureNetwork:
+    return replace(network, weights=layers[0], biases=layers[1])
 
 
 def descend(
-    parameters: Sequence[RealArray],
-    gradients: Callable[[np.random.Generator, int, float], tuple[float, list[NDArray]]],
+    parameters: _Parameters,
+    loss: Callable[[_Parameters, _Batch, float], tuple[jax.Array, jax.Array]],
+    draw: Callable[[np.random.Generator, int], _Batch],
     settings: TrainingSettings,
     rng: np.random.Generator,
     reporter: Reporter,
     claimed: float = TRAINING.claimed,
-    rates: Sequence[float] | None = None,
-) -> float:
-    """Lets parameters descend along the gradients of random samples, in place.
+    rates: _Parameters | None = None,
+) -> _Parameters:
+    """Parameters that descended along the gradients of random samples.
 
     Args:
-        parameters: arrays; those of two dimensions decay.
-        gradients: from random numbers, a number of samples to draw and the share of
-            `loss_gradient`: the loss and its gradient with respect to every array; called in
-            several threads.
+        parameters: tuples of arrays; those of two dimensions decay.
+        loss: from parameters, a batch and the share of `mixture_loss`: what is descended along,
+            and what is reported.
+        draw: draws a number of samples; called in several threads.
         reporter: informed of every step, and of the mean loss of each tenth of them.
         claimed: share of the steps in which the nearest mode alone learns.
         rates: of each array, relative to the settings' rate; None: 1.
 
-    Returns:
-        Mean loss of the last tenth of the steps.
-
-    Source: Kingma and Ba, Adam (2015).
+    Source: Kingma and Ba, Adam (2015); Loshchilov and Hutter (2019).
     """
-    first = [np.zeros_like(array) for array in parameters]
-    second = [np.zeros_like(array) for array in parameters]
-    streams = rng.spawn(_PARTS)
+
+    def rate(step: jax.Array) -> jax.Array:
+        warm = jnp.minimum(1.0, (step + 1) / min(_WARM_UP, settings.steps))
+        cosine = 0.5 * (1 + jnp.cos(jnp.pi * step / settings.steps))
+        return settings.rate * warm * cosine + TRAINING.last_rate
+
+    adam = optax.chain(
+        optax.clip_by_global_norm(TRAINING.largest_gradient),
+        optax.adamw(
+            rate,
+            weight_decay=settings.decay,
+            mask=lambda arrays: jax.tree.map(lambda array: array.ndim == 2, arrays),
+        ),
+    )
+
+    @_compiled
+    def moved(parameters, state, gradients):
+        mean = jax.tree.map(lambda *parts: sum(parts) / _PARTS, *gradients)
+        steps, state = adam.update(mean, state, parameters)
+        if rates is not None:
+            steps = jax.tree.map(jnp.multiply, steps, rates)
+        return optax.apply_updates(parameters, steps), state
+
+    gradient = _compiled(jax.grad(loss, has_aux=True))
+    streams, state = rng.spawn(_PARTS), adam.init(parameters)
     losses: list[float] = []
-    tenth, batch = max(1, settings.steps // 10), settings.batch // _PARTS
-    rates = rates or [1.0] * len(parameters)
+    tenth, samples = max(1, settings.steps // 10), settings.batch // _PARTS
     for step in range(settings.steps):
         done = step / settings.steps
         share = (
@@ -222,45 +233,18 @@ def descend(
             if done < claimed
             else 0.0
         )
-        parts = side_by_side(lambda stream, share=share: gradients(stream, batch, share), streams)
-        means = [
-            sum(arrays[1:], start=arrays[0]) / np.float32(_PARTS)
-            for arrays in zip(*(of_part for _, of_part in parts), strict=True)
-        ]
-        length = np.sqrt(sum(float(np.square(array).sum(dtype=float)) for array in means))
-        scale = min(1.0, TRAINING.largest_gradient / max(length, 1e-9))
-        warm = min(1.0, (step + 1) / min(_WARM_UP, settings.steps))
-        rate = settings.rate * warm * 0.5 * (1 + np.cos(np.pi * done)) + TRAINING.last_rate
-        columns = zip(parameters, means, first, second, rates, strict=True)
-        for array, gradient, one, two, relative in columns:
-            kernels.adam_step(
-                array.reshape(-1),
-                gradient.reshape(-1),
-                one.reshape(-1),
-                two.reshape(-1),
-                step + 1,
-                relative * rate,
-                settings.decay if array.ndim == 2 else 0.0,
-                scale,
-            )
-        losses.append(float(np.mean([loss for loss, _ in parts])))
+
+        def of_part(stream, parameters=parameters, share=share):
+            return jax.block_until_ready(gradient(parameters, draw(stream, samples), share))
+
+        gradients, of_parts = zip(*side_by_side(of_part, streams), strict=True)
+        parameters, state = moved(parameters, state, gradients)
+        losses.append(float(np.mean(of_parts)))
         reporter.advance()
         if len(losses) % tenth == 0:
             mean = np.mean(losses[-tenth:])
             reporter.note(f"after {len(losses)} of {settings.steps} steps the loss is {mean:.2f}")
-    return float(np.mean(losses[-tenth:]))
-
-
-@dataclass(frozen=True, eq=False)
-class PictureBatch:
-    """Samples of a step: N single frames."""
-
-    coverage: ByteArray  #: (N, 60, 80) uint8, as in `VirtualTake`.
-    skin: ByteArray  #: (N, 60, 80) uint8, likewise.
-    shading: ByteArray  #: (N, 60, 80) uint8, likewise.
-    coloured: BoolArray  #: (N,) bool, whether what lies inside the silhouettes is read.
-    samples: TrainingBatch
-    """What is to be told, and as inputs what the network reads beside the codes."""
+    return jax.tree.map(np.array, parameters)
 
 
 def train_encoders(
@@ -273,8 +257,6 @@ def train_encoders(
     """Encoders trained together with a mixture density network that reads the codes of one frame
     and is thrown away.
 
-    BLAS must run in one thread, see `EncoderTrace.gradients`.
-
     Args:
         draw: draws a number of samples; called in several threads.
         feet: basis of the grids of the feet, which is not changed.
@@ -284,11 +266,8 @@ def train_encoders(
         The encoding. The codes of its encoders have no correlation over a sample of frames and fall
         in variance; they are scaled like those of `fit_basis`.
     """
-    encoding = SilhouetteEncoding(
-        ConvolutionalEncoder.initial(1, _FILTERS, OUTLINE_CODES, rng),
-        feet,
-        ConvolutionalEncoder.initial(2, _INSIDE_FILTERS, INSIDE_CODES, rng),
-    )
+    outline = ConvolutionalEncoder.initial(1, _FILTERS, OUTLINE_CODES, rng)
+    inside = ConvolutionalEncoder.initial(2, _INSIDE_FILTERS, INSIDE_CODES, rng)
     first = draw(rng, _SAMPLE)
     network = MixtureNetwork.initial(
         OUTLINE_CODES + INSIDE_CODES + 1 + first.samples.inputs.shape[1],
@@ -299,42 +278,39 @@ def train_encoders(
         rng,
     )
 
-    def gradients(
-        stream: np.random.Generator, samples: int, share: float
-    ) -> tuple[float, list[NDArray]]:
-        return encoder_gradients(encoding, network, draw(stream, samples), share)
+    def loss(
+        layers: tuple[_Layers, _Layers, _Layers], batch: PictureBatch, share: float
+    ) -> tuple[jax.Array, jax.Array]:
+        return mixture_loss(_with_layers(network, layers[2]), read_codes(*layers[:2], batch), share)
 
-    parameters = [*encoding.parameters, *network.weights, *network.biases]
-    descend(parameters, gradients, settings, rng, reporter)
+    layers = tuple((one.weights, one.biases) for one in (outline, inside, network))
+    layers = descend(layers, loss, draw, settings, rng, reporter)
     return SilhouetteEncoding(
-        encoding.outline.ordered(outline_images(first.coverage)),
+        ConvolutionalEncoder(*layers[0]).ordered(first.outline),
         feet,
-        encoding.inside.ordered(inside_images(first.skin, first.shading)),
+        ConvolutionalEncoder(*layers[1]).ordered(first.inside),
     )
 
 
-def encoder_gradients(
-    encoding: SilhouetteEncoding, network: MixtureNetwork, batch: PictureBatch, share: float
-) -> tuple[float, list[NDArray]]:
-    """Loss of a batch, see `loss_gradient`, and its gradients with respect to the parameters of the
-    encoders, the network's weights and its biases.
-
-    Args:
-        network: reads the codes of the outline, those of the inside, or 0 where colours are not
-            known, whether they are, and the samples' inputs.
-        share: as for `loss_gradient`.
+def read_codes(outline: _Layers, inside: _Layers, batch: PictureBatch) -> TrainingBatch:
+    """Samples whose inputs are the codes of the outline, those of the inside, or 0 where colours
+    are not known, whether they are, and the inputs of the batch's samples.
     """
-    outline, inside = encoding.outline, encoding.inside
     known = batch.coloured[:, None].astype(np.float32)
-    seen, seen_trace = outline.traced(outline_images(batch.coverage))
-    read, read_trace = inside.traced(inside_images(batch.skin, batch.shading))
-    inputs = np.concatenate([seen, read * known, known, batch.samples.inputs], axis=1)
-    gradient = loss_gradient(network, replace(batch.samples, inputs=inputs), share)
-    ends = outline.codes, outline.codes + inside.codes
-    slope = product(gradient.first, network.weights[0][: ends[1]].T)
-    return gradient.loss, [
-        *seen_trace.gradients(slope[:, : ends[0]]),
-        *read_trace.gradients(slope[:, ends[0] :] * known),
-        *gradient.weights,
-        *gradient.biases,
-    ]
+    codes = _encoded(outline, batch.outline), _encoded(inside, batch.inside) * known
+    inputs = jnp.concatenate([*codes, known, batch.samples.inputs], axis=1)
+    return replace(batch.samples, inputs=inputs)
+
+
+def _encoded(layers: _Layers, images: RealArray) -> jax.Array:
+    """What `ConvolutionalEncoder.encode` makes of images, by JAX."""
+    weights, biases = layers
+    state = jnp.asarray(images)
+    for size, weight, bias in zip(SIZES, weights, biases, strict=False):
+        filters = weight.reshape(size, size, state.shape[-1], -1)
+        order = ("NHWC", "HWIO", "NHWC")
+        state = jax.lax.conv_general_dilated(
+            state, filters, (STRIDE, STRIDE), "SAME", dimension_numbers=order
+        )
+        state = jnp.maximum(state + bias, 0)
+    return state.reshape(len(state), -1) @ weights[-1] + biases[-1]

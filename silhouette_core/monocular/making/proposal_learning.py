@@ -1,8 +1,7 @@
 """Training of the proposal on virtual takes of recorded motion."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,10 +11,10 @@ from threadpoolctl import threadpool_limits
 from calib.checks import IndexArray
 from calib.errors import InputError
 from silhouette_core.body.model import BodyModel
+from silhouette_core.monocular.making.learning_settings import LearningSettings, TrainingSettings
 from silhouette_core.monocular.making.network_training import (
     PictureBatch,
     TrainingBatch,
-    TrainingSettings,
     train_encoders,
     train_network,
 )
@@ -35,8 +34,10 @@ from silhouette_core.monocular.proposal.silhouette_features import (
     InsideGrids,
     SilhouetteCodes,
     fit_basis,
+    inside_images,
     nearby_frames,
     network_inputs,
+    outline_images,
 )
 from silhouette_core.monocular.tuning import TRAINING
 from silhouette_core.motion.motion import Motion
@@ -50,34 +51,6 @@ _AT_ONCE = 24  # takes that are filmed side by side
 _GRIDS = "coverage", "feet", "skin", "shading"
 _CODES = "outline", "feet", "inside", "joints"
 _LEAST_STEPS = 200
-
-
-@dataclass(frozen=True)
-class LearningSettings:
-    """Settings of the proposal."""
-
-    frames: int = 800_000  #: largest number of virtual frames.
-    takes: int = 60  #: largest number of virtual takes of each recorded frame.
-    mirror: bool = True  #: whether the mirror image of each frame is learned from as well.
-    all_varied: bool = False  #: Whether the motion of all takes is varied, not every other's.
-    pictures: int = 150_000  #: number of virtual frames from which the encoders learn.
-    passes: float = 5.0
-    """How often each virtual frame and mirror image is learned from, if that takes fewer steps than
-    `encoding` and `training` allow."""
-    encoding: TrainingSettings = field(
-        default_factory=lambda: TrainingSettings(steps=5_000, batch=256, units=512)
-    )
-    """Settings of the training of the encoders, and of the network that goes with it."""
-    training: TrainingSettings = field(default_factory=TrainingSettings)
-    """Settings of the training of the network."""
-    seed: int = 0  #: seed of everything random.
-
-    @classmethod
-    def of_begun(cls) -> "LearningSettings":
-        """For a proposal that has learned of other motion and goes on: an eighth of the frames, a
-        sixth of the steps, and a quarter of the rate of what is new.
-        """
-        return cls(frames=100_000, training=TrainingSettings(steps=2_500))
 
 
 def learn_proposal(
@@ -244,7 +217,8 @@ def _trained_encoding(
             pool.gathered(frames, "anchor")[:, 2:],
         )
         return PictureBatch(
-            *(pool.gathered(frames, name) for name in ("coverage", "skin", "shading")),
+            outline_images(pool.gathered(frames, "coverage")),
+            inside_images(pool.gathered(frames, "skin"), pool.gathered(frames, "shading")),
             coloured=rng.random(samples) >= TRAINING.withheld,
             samples=TrainingBatch(
                 np.concatenate(others, axis=1, dtype=np.float32),
@@ -290,7 +264,7 @@ def _trained(
             offset[frames],
         )
 
-    network = deepcopy(begun) or MixtureNetwork.initial(
+    network = begun or MixtureNetwork.initial(
         draw(np.random.default_rng(0), 1).inputs.shape[1],
         training.units,
         training.blocks,
@@ -299,5 +273,4 @@ def _trained(
         rng,
     )
     reporter.stage("learning the proposal", training.steps)
-    train_network(network, draw, training, rng, reporter, further=begun is not None)
-    return network
+    return train_network(network, draw, training, rng, reporter, further=begun is not None)

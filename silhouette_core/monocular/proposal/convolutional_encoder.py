@@ -85,21 +85,11 @@ class ConvolutionalEncoder:
         """Number K of codes."""
         return len(self.biases[-1])
 
-    @property
-    def parameters(self) -> list[Float32Array]:
-        """Weights and biases."""
-        return [*self.weights, *self.biases]
-
     def encode(self, images: Float32Array) -> Float32Array:
         """Codes (N, K) of images (N, 60, 80, channels)."""
-        codes = [self._linear(self._convolved(some).flat) for some in _portions(images)]
+        starts = range(0, len(images), _AT_ONCE)
+        codes = [self._codes(images[start : start + _AT_ONCE]) for start in starts]
         return np.concatenate([np.zeros((0, self.codes), np.float32), *codes])
-
-    def traced(self, images: Float32Array) -> "tuple[Float32Array, EncoderTrace]":
-        """Codes (N, K) of images (N, 60, 80, channels), and what their gradients need."""
-        portions = [self._convolved(some) for some in _portions(images)]
-        flat = np.concatenate([one.flat for one in portions])
-        return self._linear(flat), EncoderTrace(self, portions, flat)
 
     def ordered(self, images: Float32Array) -> "ConvolutionalEncoder":
         """The encoder whose codes are the principal components of these over images (N, 60, 80,
@@ -112,98 +102,26 @@ class ConvolutionalEncoder:
         bias = ((self.biases[-1] - mean)[None] @ basis)[0].astype(np.float32)
         return ConvolutionalEncoder((*self.weights[:-1], weights), (*self.biases[:-1], bias))
 
-    def _convolved(self, images: Float32Array) -> "_Convolved":
-        patches: list[Float32Array] = []
-        states = [images]
+    def _codes(self, state: Float32Array) -> Float32Array:
         for size, weights, bias in zip(SIZES, self.weights, self.biases, strict=False):
-            read = _patches(states[-1], size)
-            outputs = product(read.reshape(-1, len(weights)), weights)
+            patches = _patches(state, size)
+            outputs = product(patches.reshape(-1, len(weights)), weights)
             outputs += bias
             np.maximum(outputs, 0, out=outputs)
-            patches.append(read)
-            states.append(outputs.reshape(*read.shape[:3], -1))
-        return _Convolved(patches, states)
-
-    def _linear(self, flat: Float32Array) -> Float32Array:
-        return product(flat, self.weights[-1]) + self.biases[-1]
-
-
-@dataclass(frozen=True, eq=False)
-class _Convolved:
-    """What the convolutions made of a few images."""
-
-    patches: Sequence[Float32Array]  # (N, rows, columns, size, size, channels)
-    states: Sequence[Float32Array]  # (N, rows, columns, channels), first the images
-
-    @property
-    def flat(self) -> Float32Array:
-        """What the linear layer reads (N, I)."""
-        return self.states[-1].reshape(len(self.states[-1]), -1)
-
-
-@dataclass(frozen=True, eq=False)
-class EncoderTrace:
-    """What an encoder made of a batch, for the gradients."""
-
-    encoder: ConvolutionalEncoder
-    portions: Sequence[_Convolved]
-    flat: Float32Array
-
-    def gradients(self, codes: Float32Array) -> list[Float32Array]:
-        """Gradients with respect to the encoder's parameters, from that (N, K) of the codes.
-
-        BLAS must run in one thread, as the sums over all patches are left to it.
-        """
-        weights = [np.zeros_like(one) for one in self.encoder.weights]
-        biases = [np.zeros_like(one) for one in self.encoder.biases]
-        weights[-1][:], biases[-1][:] = self.flat.T @ codes, codes.sum(axis=0)
-        slopes = product(codes, self.encoder.weights[-1].T) * (self.flat > 0)
-        start = 0
-        for portion in self.portions:
-            end = start + len(portion.flat)
-            slope = slopes[start:end].reshape(portion.states[-1].shape)
-            for layer in reversed(range(len(SIZES))):
-                rows, read = slope.reshape(-1, len(biases[layer])), portion.patches[layer]
-                weights[layer] += read.reshape(len(rows), -1).T @ rows
-                biases[layer] += rows.sum(axis=0)
-                if layer:
-                    state = portion.states[layer]
-                    before = product(rows, self.encoder.weights[layer].T)
-                    slope = _spread(before, read.shape, state.shape) * (state > 0)
-            start = end
-        return [*weights, *biases]
-
-
-def _portions(images: Float32Array) -> list[Float32Array]:
-    return [images[start : start + _AT_ONCE] for start in range(0, len(images), _AT_ONCE)]
+            state = outputs.reshape(*patches.shape[:3], -1)
+        return product(state.reshape(len(state), -1), self.weights[-1]) + self.biases[-1]
 
 
 def _halved(cells: int) -> int:
     return -(-cells // STRIDE)
 
 
-def _margins(shape: tuple[int, ...], size: int) -> list[tuple[int, int]]:
-    """Cells before and after a state of a shape (N, h, w, C) that the filters read beyond it."""
-    beyond = [(_halved(cells) - 1) * STRIDE + size - cells for cells in shape[1:3]]
-    return [(0, 0), *((cells // 2, cells - cells // 2) for cells in beyond), (0, 0)]
-
-
 def _patches(state: Float32Array, size: int) -> Float32Array:
     """Patches (N, h / 2, w / 2, size, size, C) of a state (N, h, w, C)."""
-    windows = sliding_window_view(np.pad(state, _margins(state.shape, size)), (size, size), (1, 2))
+    beyond = [(_halved(cells) - 1) * STRIDE + size - cells for cells in state.shape[1:3]]
+    margins = [(0, 0), *((cells // 2, cells - cells // 2) for cells in beyond), (0, 0)]
+    windows = sliding_window_view(np.pad(state, margins), (size, size), (1, 2))
     return np.ascontiguousarray(np.moveaxis(windows[:, ::STRIDE, ::STRIDE], 3, -1))
-
-
-def _spread(slope: Float32Array, patches: tuple[int, ...], shape: tuple[int, ...]) -> Float32Array:
-    """Gradient with respect to a state of a shape (N, h, w, C) from that of its patches."""
-    (_, rows, columns, size), margins = patches[:4], _margins(shape, patches[3])
-    size_with_margins = [cells + sum(more) for cells, more in zip(shape, margins, strict=True)]
-    wide, of_patches = np.zeros(size_with_margins, slope.dtype), slope.reshape(patches)
-    for i, j in list(np.ndindex(size, size))[::-1]:  # every sum in the order of its patches
-        reach = slice(i, i + STRIDE * rows, STRIDE), slice(j, j + STRIDE * columns, STRIDE)
-        wide[:, *reach] += of_patches[:, :, :, i, j]
-    (top, _), (left, _) = margins[1:3]
-    return wide[:, top : top + shape[1], left : left + shape[2]]
 
 
 def layer_grid(layer: int) -> tuple[int, int]:

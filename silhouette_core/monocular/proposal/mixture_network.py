@@ -5,17 +5,16 @@ Source: Bishop, Mixture density networks (1994).
 
 from dataclasses import dataclass
 from itertools import pairwise
+from types import ModuleType
 
 import numpy as np
 
 from calib.checks import RealArray
-from silhouette_core.monocular.proposal.kernels.mixture import (
-    JOINT_LOG_SIGMA,
-    OFFSET_LOG_SIGMA,
-    SIGMA,
-)
 from silhouette_core.monocular.proposal.silhouette_features import product
-from silhouette_core.monocular.tuning import TRAINING
+from silhouette_core.monocular.tuning import MIXTURE, TRAINING
+
+SIGMA = MIXTURE.sigma
+JOINT_LOG_SIGMA, OFFSET_LOG_SIGMA = MIXTURE.joint_log_sigma, MIXTURE.offset_log_sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,31 +94,57 @@ class MixtureNetwork:
         """What a layer makes of its inputs, before any rectification."""
         return product(inputs, self.weights[number]) + self.biases[number]
 
-    def outputs(self, inputs: RealArray) -> RealArray:
-        """Outputs (N, O) of inputs (N, I), see `kernels.mixture.mixture_gradients`."""
+    def outputs(self, inputs: RealArray, numpy: ModuleType = np) -> RealArray:
+        """Outputs (N, O) of inputs (N, I), see `split`.
+
+        Args:
+            numpy: NumPy, or `jax.numpy`, of whose arrays the layers may be.
+        """
         state = self.layer(0, inputs)
         for number in self.blocks:
-            hidden = self.layer(number, normalised(state)[0])
-            state += self.layer(number + 1, np.maximum(hidden, 0))
-        return self.layer(len(self.weights) - 1, np.maximum(normalised(state)[0], 0))
+            hidden = self.layer(number, _normalised(state, numpy))
+            state = state + self.layer(number + 1, numpy.maximum(hidden, 0))
+        last = numpy.maximum(_normalised(state, numpy), 0)
+        return self.layer(len(self.weights) - 1, last)
+
+    def split(self, outputs: RealArray) -> "MixtureOutputs":
+        """Outputs (N, O) by what they state."""
+        modes, count = self.modes, len(self.mean_joints)
+        log_sigma, logits, offset = modes * count * 3, modes * count * 5, modes * (count * 5 + 1)
+        return MixtureOutputs(
+            outputs[:, :log_sigma].reshape(-1, modes, count, 3),
+            outputs[:, log_sigma:logits].reshape(-1, modes, count, 2),
+            outputs[:, logits:offset],
+            outputs[:, offset : offset + 3],
+            outputs[:, offset + 3 :],
+        )
 
     def mixture(self, inputs: RealArray) -> Mixture:
         """Mixture for inputs (N, I)."""
-        outputs, count = self.outputs(inputs), len(self.mean_joints)
-        ends = np.cumsum(np.array([count * 3, count * 2, 1]) * self.modes)
-        joints, log_sigma, logits, offset = np.split(outputs, ends, axis=1)
-        odds = np.exp(logits - logits.max(axis=1, keepdims=True))
+        outputs = self.split(self.outputs(inputs))
+        odds = np.exp(outputs.logits - outputs.logits.max(axis=1, keepdims=True))
         return Mixture(
             odds / odds.sum(axis=1, keepdims=True),
-            joints.reshape(-1, self.modes, count, 3) + self.mean_joints,
-            SIGMA * np.exp(np.clip(log_sigma, *JOINT_LOG_SIGMA)).reshape(-1, self.modes, count, 2),
-            offset[:, :3],
-            SIGMA * np.exp(np.clip(offset[:, 3:], *OFFSET_LOG_SIGMA)),
+            outputs.joints + self.mean_joints,
+            SIGMA * np.exp(np.clip(outputs.log_sigma, *JOINT_LOG_SIGMA)),
+            outputs.offset,
+            SIGMA * np.exp(np.clip(outputs.offset_log_sigma, *OFFSET_LOG_SIGMA)),
         )
 
 
-def normalised(state: RealArray) -> tuple[RealArray, RealArray]:
-    """Vectors (N, K) less the means of their elements, over their deviations, and these (N, 1)."""
+@dataclass(frozen=True, eq=False)
+class MixtureOutputs:
+    """What a network states of N inputs; deviations are relative to `SIGMA`."""
+
+    joints: RealArray  #: (N, M, J, 3), less the network's mean joints.
+    log_sigma: RealArray  #: (N, M, J, 2), logarithms of deviations, not yet within their limits.
+    logits: RealArray  #: (N, M), of the modes' probabilities.
+    offset: RealArray  #: (N, 3).
+    offset_log_sigma: RealArray  #: (N, 3), likewise.
+
+
+def _normalised(state: RealArray, numpy: ModuleType) -> RealArray:
+    """Vectors (N, K) less the means of their elements, over their deviations."""
     centred = state - state.mean(axis=1, keepdims=True)
-    deviation = np.sqrt(np.square(centred).mean(axis=1, keepdims=True) + state.dtype.type(1e-5))
-    return centred / deviation, deviation
+    variance = (centred * centred).mean(axis=1, keepdims=True)
+    return centred / numpy.sqrt(variance + state.dtype.type(1e-5))

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.checks import BoolArray, ByteArray, Float32Array, IndexArray, check_array
+from calib.checks import BoolArray, ByteArray, IndexArray, check_array
 from silhouette_core.body.joints import LANDMARK_NAMES
 from silhouette_core.image.cleanup import reduce_silhouette
 from silhouette_core.monocular.proposal.convolutional_encoder import (
@@ -137,11 +137,6 @@ class SilhouetteEncoding:
     outline: ConvolutionalEncoder  #: encoder of the grids of coverage, reads `outline_images`.
     feet: SilhouetteBasis  #: basis of the grids of the lowest parts.
     inside: ConvolutionalEncoder  #: encoder of what lies inside, reads `inside_images`.
-
-    @property
-    def parameters(self) -> list[Float32Array]:
-        """Weights and biases of both encoders."""
-        return [*self.outline.parameters, *self.inside.parameters]
 
     def codes(self, coverage: ByteArray, feet: ByteArray) -> SilhouetteCodes:
         """Codes of T silhouettes without colours.

@@ -15,14 +15,11 @@ from threadpoolctl import threadpool_limits
 
 from calib.errors import InputError
 from silhouette_core.jit import one_thread
-from silhouette_core.monocular.making import network_training
+from silhouette_core.monocular.making import from_motion, network_training
 from silhouette_core.monocular.making.from_motion import make_library
-from silhouette_core.monocular.making.network_training import TrainingSettings, train_encoders
-from silhouette_core.monocular.making.proposal_learning import (
-    FramePool,
-    LearningSettings,
-    learn_proposal,
-)
+from silhouette_core.monocular.making.learning_settings import LearningSettings, TrainingSettings
+from silhouette_core.monocular.making.network_training import train_encoders
+from silhouette_core.monocular.making.proposal_learning import FramePool, learn_proposal
 from silhouette_core.monocular.making.virtual_takes import VirtualBodies, film_take
 from silhouette_core.monocular.proposal.shipped import shipped_proposal
 from silhouette_core.monocular.proposal.silhouette_features import FrameFeatures, InsideGrids
@@ -177,7 +174,7 @@ def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
         calls.append(settings)
         return learn_tiny(*motions, *more)
 
-    monkeypatch.setattr("silhouette_core.monocular.making.from_motion.learn_proposal", learn)
+    monkeypatch.setattr("silhouette_core.monocular.making.proposal_learning.learn_proposal", learn)
     settings = replace(SETTINGS, poses=24)
     motions = {"sway": swaying(frames=60)}
 
@@ -199,6 +196,14 @@ def test_a_library_learns_its_proposal_and_resumes(monkeypatch, tmp_path):
     for name, array in again.proposal.arrays().items():
         assert (arrays[name] == array).all()
     assert make(tmp_path / "none.vplib", learning=None).proposal is None and len(calls) == 2
+
+
+def test_a_library_without_jax_says_how_to_install_it(monkeypatch, tmp_path):
+    monkeypatch.setattr(from_motion, "find_spec", {}.get)
+    motions = {"sway": swaying(frames=60)}
+    with pytest.raises(InputError, match=r"pip install 'voxelpose\[train\]'"):
+        make_library(motions, motions["sway"].model, tmp_path / "me.vplib", SETTINGS)
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_interrupted_training_keeps_its_encoders(learned, monkeypatch):

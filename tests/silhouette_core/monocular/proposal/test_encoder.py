@@ -1,21 +1,17 @@
-"""Encoders convolve, learn along true gradients, and order their codes."""
-
-from dataclasses import replace
+"""Encoders convolve, learn, and order their codes."""
 
 import numpy as np
 import pytest
 from scipy.signal import correlate
 
+from silhouette_core.monocular.making.learning_settings import TrainingSettings
 from silhouette_core.monocular.making.network_training import (
     PictureBatch,
     TrainingBatch,
-    TrainingSettings,
-    encoder_gradients,
+    read_codes,
     train_encoders,
 )
 from silhouette_core.monocular.proposal.convolutional_encoder import ConvolutionalEncoder
-from silhouette_core.monocular.proposal.mixture_network import MixtureNetwork
-from silhouette_core.monocular.proposal.pose_proposal import SilhouetteEncoding
 from silhouette_core.monocular.proposal.silhouette_features import (
     FEET_GRID,
     GRID,
@@ -40,20 +36,6 @@ def in_double(encoder):
     return ConvolutionalEncoder(
         tuple(one.astype(float) for one in encoder.weights),
         tuple(one.astype(float) for one in encoder.biases),
-    )
-
-
-def batch(rng, count):
-    return PictureBatch(
-        rng.integers(0, 5, (count, *GRID)).astype(np.uint8),
-        rng.integers(0, 5, (count, *GRID)).astype(np.uint8),
-        rng.integers(20, 45, (count, *GRID)).astype(np.uint8),
-        np.arange(count) % 3 > 0,
-        TrainingBatch(
-            rng.normal(size=(count, 3)).astype(np.float32),
-            rng.normal(0, 0.2, (count, 2, 3)).astype(np.float32),
-            rng.normal(0, 0.2, (count, 3)).astype(np.float32),
-        ),
     )
 
 
@@ -89,30 +71,20 @@ def test_codes_of_many_images_are_those_of_each(rng):
     codes = encoder.encode(images)
     assert codes.shape == (37, 6) and encoder.encode(images[:0]).shape == (0, 6)
     np.testing.assert_allclose(codes[[2, 36]], encoder.encode(images[[2, 36]]), atol=1e-5)
-    np.testing.assert_array_equal(encoder.traced(images)[0], codes)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3])
-def test_gradients_are_those_of_the_loss(rng, share):
-    outline, inside = (in_double(ConvolutionalEncoder.initial(c, 2, 4, rng)) for c in (1, 2))
-    encoders = SilhouetteEncoding(outline, FEET, inside)
-    network = MixtureNetwork.initial(4 + 4 + 1 + 3, 16, 1, 2, np.zeros((2, 3)), rng)
-    given = batch(rng, 18)  # more than are worked on at once
-    _, gradients = encoder_gradients(encoders, network, given, 0.0)
-    parameters = [*encoders.parameters, *network.weights, *network.biases]
-    assert [one.shape for one in gradients] == [one.shape for one in parameters]
-    for parameter, gradient in zip(parameters, gradients, strict=True):
-        place = np.unravel_index(np.abs(gradient).argmax(), gradient.shape)
-        before, losses = parameter[place], []
-        for step in (1e-5, -1e-5):
-            parameter[place] = before + step
-            losses.append(encoder_gradients(encoders, network, given, 0.0)[0])
-        parameter[place] = before
-        assert (losses[0] - losses[1]) / 2e-5 == pytest.approx(gradient[place], rel=1e-3)
-    # What lies inside is not read where colours are not known.
-    plain = replace(given, coloured=np.zeros(18, bool))
-    _, gradients = encoder_gradients(encoders, network, plain, share)
-    assert not any(one.any() for one in gradients[8:16]) and gradients[0].any()
+def test_training_reads_the_codes_that_encoders_give(rng):
+    outline, inside = (ConvolutionalEncoder.initial(channels, 3, 5, rng) for channels in (1, 2))
+    for bias in (*outline.biases, *inside.biases):
+        bias[:] = rng.normal(0, 0.3, bias.shape)
+    images = [rng.random((6, *GRID, channels), np.float32) for channels in (1, 2)]
+    coloured, others = np.arange(6) % 3 > 0, rng.random((6, 3), np.float32)
+    samples = TrainingBatch(others, np.zeros((6, 2, 3)), np.zeros((6, 3)))
+    layers = [(encoder.weights, encoder.biases) for encoder in (outline, inside)]
+    found = read_codes(*layers, PictureBatch(*images, coloured, samples)).inputs
+    known = coloured[:, None]
+    codes = outline.encode(images[0]), inside.encode(images[1]) * known
+    np.testing.assert_allclose(found, np.concatenate([*codes, known, others], axis=1), atol=1e-4)
 
 
 def test_ordered_codes_are_uncorrelated_and_tell_the_same(rng):
@@ -142,9 +114,8 @@ def test_trained_encoders_tell_places_that_are_seen(rng):
         joints = np.zeros((samples, 1, 3), np.float32)
         joints[:, 0, [2, 0]] = places
         return PictureBatch(
-            coverage.astype(np.uint8),
-            skin.astype(np.uint8),
-            np.full((samples, *GRID), 32, np.uint8),
+            outline_images(coverage),
+            inside_images(skin, np.full(skin.shape, 32)),
             np.ones(samples, bool),
             TrainingBatch(
                 np.zeros((samples, 1), np.float32), joints, np.zeros((samples, 3), np.float32)
@@ -156,8 +127,8 @@ def test_trained_encoders_tell_places_that_are_seen(rng):
     assert encoders.outline.codes == OUTLINE_CODES and encoders.inside.codes == INSIDE_CODES
     seen = draw(rng, 200)
     codes = (
-        encoders.outline.encode(outline_images(seen.coverage))[:, :6],
-        encoders.inside.encode(inside_images(seen.skin, seen.shading))[:, :6],
+        encoders.outline.encode(seen.outline)[:, :6],
+        encoders.inside.encode(seen.inside)[:, :6],
     )
     for own, axis in zip(codes, (0, 2), strict=True):
         rows = np.pad(own, ((0, 0), (0, 1)), constant_values=1)
