@@ -296,7 +296,13 @@ def markdown_table(scores: Mapping[str, Score]) -> str:
             for value, places in zip(values, digits, strict=True)
         )
         lines.append([name, str(frames), *cells])
-    head, *body = [f"| {' | '.join(line)} |\n" for line in lines]
+    return markdown_rows(lines)
+
+
+def markdown_rows(lines: Sequence[Sequence[str]]) -> str:
+    """A Markdown table of cells, the first line of which is its head."""
+    rows = ([cell.replace("|", "\\|") for cell in line] for line in lines)
+    head, *body = [f"| {' | '.join(row)} |\n" for row in rows]
     return "".join([head, "|---" * len(lines[0]) + "|\n", *body])
 
 

@@ -17,7 +17,7 @@ from calib.errors import InputError
 from calib.files.fields import Source, five_distortion_numbers, folder_with
 from calib.files.file_storage import dump_storage, load_storage
 from calib.rotation import rodrigues_from_matrix
-from calib.storage.atomic import replacing, unwritable
+from calib.storage.atomic import replacing, writing
 
 _FILES = ("intri.yml", "extri.yml")
 
@@ -72,10 +72,8 @@ def write_easymocap(rig: Rig, path: Path) -> None:
                 " or write TOML"
             )
     distortions = [five_distortion_numbers(camera, "EasyMocap") for camera in rig]
-    try:
+    with writing(path):
         path.mkdir(exist_ok=True)
-    except OSError as error:
-        raise unwritable(path, error) from error
     contents: dict[Path, dict[str, Any]] = {}
     for name in _FILES:
         content: dict[str, Any] = {"names": list(rig.names)}

@@ -44,15 +44,23 @@ def replacing(path: Path) -> Iterator[Path]:
     _removed(path.parent, pattern)
     partial = path.with_name(f".{path.stem}.{partial_mark()}{path.suffix}")
     try:
-        yield partial
-        flush(partial)
-        if not partial.stat().st_size:
-            raise OSError(errno.EIO, "nothing was written")
-        rename(partial, path)
-    except OSError as error:
-        raise unwritable(path, error) from error
+        with writing(path):
+            yield partial
+            flush(partial)
+            if not partial.stat().st_size:
+                raise OSError(errno.EIO, "nothing was written")
+            rename(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """For a `with` block that writes a file or folder: InputError where the system refuses."""
+    try:
+        yield
+    except OSError as error:
+        raise unwritable(path, error) from error
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -201,13 +209,11 @@ class FolderWriter:
 
     def _check(self, out: Path) -> None:
         """Raises InputError if something stands in the way."""
-        try:
+        with writing(out):
             if out.is_symlink() or (out.exists() and not out.is_dir()):
                 raise InputError(f"{out} exists and is not a folder: choose another name")
             if not out.exists() or not any(out.iterdir()):
                 return
-        except OSError as error:
-            raise unwritable(out, error) from error
         if not self._overwrite:
             raise InputError(f"{out} exists: choose another name, or add --overwrite to replace it")
         if not self._replaceable(out):
@@ -221,15 +227,13 @@ class FolderWriter:
         self._made = [parent for parent in target.parents if not parent.exists()]
         self._claim = ExitStack()
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            self._claim.enter_context(claimed(target))
-            recover(target)
-            self._check(self.out)
-            self._partial = target.with_name(f"{target.name}.{partial_mark()}")
-            self._partial.mkdir()
-        except OSError as error:
-            self._give_up()
-            raise unwritable(self.out, error) from error
+            with writing(self.out):
+                target.parent.mkdir(parents=True, exist_ok=True)
+                self._claim.enter_context(claimed(target))
+                recover(target)
+                self._check(self.out)
+                self._partial = target.with_name(f"{target.name}.{partial_mark()}")
+                self._partial.mkdir()
         except BaseException:
             self._give_up()
             raise

@@ -7,7 +7,7 @@ import pytest
 
 from calib.errors import InputError
 from tests.sources import ring, write_recording
-from voxelpose import work_ahead
+from voxelpose import fitting
 from voxelpose.recording.folder import Recording
 
 HOURS = 2 * 3600 * 30
@@ -20,13 +20,13 @@ def recording(tmp_path: Path) -> Recording:
 
 def disk(monkeypatch: pytest.MonkeyPatch, free: float) -> None:
     usage = type("Usage", (), {"free": free})
-    monkeypatch.setattr(work_ahead.shutil, "disk_usage", lambda folder: usage)
+    monkeypatch.setattr(fitting.shutil, "disk_usage", lambda folder: usage)
 
 
 def test_two_hours_of_four_cameras_are_announced(recording, monkeypatch):
     disk(monkeypatch, 50e9)
-    assert work_ahead.work_ahead(recording, "multiview") == ""
-    words = work_ahead.work_ahead(replace(recording, frame_count=HOURS), "multiview")
+    assert fitting.work_ahead(recording, "multiview") == ""
+    words = fitting.work_ahead(replace(recording, frame_count=HOURS), "multiview")
     assert words.startswith("216,000 frames of 4 cameras take about 16.8 hours on two cores, 13.0 ")
     assert words.endswith("(50 free), 4.3 GB for the result and 2.1 GB of memory")
 
@@ -34,4 +34,4 @@ def test_two_hours_of_four_cameras_are_announced(recording, monkeypatch):
 def test_a_disk_without_room_is_refused(recording, monkeypatch):
     disk(monkeypatch, 12e9)
     with pytest.raises(InputError, match=r"about 13.0 GB in the .*, which has 12.0: set TMPDIR"):
-        work_ahead.work_ahead(replace(recording, frame_count=HOURS), "multiview")
+        fitting.work_ahead(replace(recording, frame_count=HOURS), "multiview")

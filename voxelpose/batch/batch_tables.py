@@ -10,6 +10,7 @@ import numpy as np
 
 from calib.storage.atomic import write_whole
 from voxelpose.batch.run import Outcome
+from voxelpose.evaluation import markdown_rows
 from voxelpose.reliability import LEVELS
 from voxelpose.report.page import REPORT, render_page, sheet_image
 from voxelpose.report.preview import data_uri
@@ -28,7 +29,7 @@ def write_tables(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
     columns = [name for name in lines[0] if any(line[name] for line in lines)]
     contents = {
         "table.csv": _csv(lines, columns),
-        "table.md": _markdown(lines, columns),
+        "table.md": markdown_rows([columns, *([line[name] for name in columns] for line in lines)]),
         "index.html": _page(rows, cells, folder),
     }
     for name, text in contents.items():
@@ -70,12 +71,6 @@ def _csv(lines: Sequence[dict[str, str]], columns: Sequence[str]) -> str:
     writer.writeheader()
     writer.writerows(lines)
     return file.getvalue()
-
-
-def _markdown(lines: Sequence[dict[str, str]], columns: Sequence[str]) -> str:
-    rows = [list(columns), ["---"] * len(columns)]
-    rows += [[line[name].replace("|", "\\|") for name in columns] for line in lines]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def _page(rows: Sequence[Outcome], cells: Sequence[list[dict[str, str]]], folder: Path) -> str:

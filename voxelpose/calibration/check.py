@@ -25,26 +25,9 @@ from voxelpose.recording.timestamps import TIMESTAMPS, write_timestamps
 from voxelpose.results import ResultWriter
 
 LONG_SIDE_PX = 480
+MOMENTS, MOST_LATE = 12, 12
+"""Frames that are compared, and the largest clock offset tried, frames, where nobody says."""
 _SHOWN = 3  # moments that are kept for the picture
-
-
-@dataclass(frozen=True)
-class CheckSettings:
-    """Settings of a check: how many frames are compared, and the largest clock offset tried."""
-
-    moments: int = 12
-    max_offset_frames: int = 12
-
-    def __post_init__(self) -> None:
-        """Checks the values."""
-        if self.moments < 3:
-            raise InputError(
-                f"{self.moments} moments are too few to judge cameras: give at least 3"
-            )
-        if self.max_offset_frames < 0:
-            raise InputError(
-                f"{self.max_offset_frames} frames out of step cannot be tried: give 0 or more"
-            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +56,25 @@ class Check:
 
 
 def check_recording(
-    recording: Recording, settings: CheckSettings | None = None, reporter: Reporter | None = None
+    recording: Recording,
+    reporter: Reporter | None = None,
+    moments_count: int = MOMENTS,
+    most_late: int = MOST_LATE,
 ) -> Check:
     """Checks a recording's cameras, two or more, against its silhouettes. InputError where there is
     one camera only, nobody is seen, or a file cannot be read.
+
+    Args:
+        moments_count: number of frames that are compared.
+        most_late: largest offset of a camera that is tried, frames.
     """
-    settings, reporter = settings or CheckSettings(), reporter or SilentReporter()
+    reporter = reporter or SilentReporter()
     if len(recording.rig) < 2:
         raise InputError(
             f"{recording.folder} has one camera: whether it agrees with itself cannot be asked;"
             " `check` needs two or more"
         )
-    moments = even_moments(recording.frame_count, settings.moments)
+    moments = even_moments(recording.frame_count, moments_count)
     reporter.stage("masks" if recording.silhouettes_given else "backgrounds")
     silhouettes = Silhouettes(recording, long_side_px=LONG_SIDE_PX)
     tracks, checked_frames = _outlines(recording, silhouettes, moments, reporter)
@@ -93,7 +83,7 @@ def check_recording(
     repairs: list[Repair] = []
     if not checked.agrees and len(tracks) > 2:
         dense = dict(tracks)
-        most = min(settings.max_offset_frames, (recording.frame_count - 1) // 3)
+        most = min(most_late, (recording.frame_count - 1) // 3)
         for name in checked.culprits if most else ():
             dense[name] = _dense_outlines(recording, silhouettes, name, moments, most, reporter)
         reporter.stage("looking for what happened")

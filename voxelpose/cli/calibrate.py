@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+from msgspec import Meta
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
@@ -194,9 +195,9 @@ class CalibrateCheck:
     """Folder to be made for a repaired calibration.toml (and timestamps.csv, if needed)."""
     png: arguments.OptionalFile = None
     """PNG to be written: every camera with the outlines that the others predict."""
-    moments: Annotated[int, arg(metavar="N")] = 12
+    moments: Annotated[int, Meta(ge=3, le=10_000), arg(metavar="N")] = 12
     """Number of time steps to check, spread over the recording."""
-    most_late: Annotated[int, arg(metavar="FRAMES")] = 12
+    most_late: Annotated[int, Meta(ge=0, le=10_000), arg(metavar="FRAMES")] = 12
     """Largest time offset of a camera that is searched for."""
     frames: arguments.Frames = None
     cameras: arguments.Cameras = None
@@ -212,15 +213,14 @@ class CalibrateCheck:
             raise InputError(f"{self.repair} exists: give --repair another name")
         with Progress() as progress:
             progress.stage("opening")
-            from voxelpose.calibration.check import CheckSettings, check_recording, write_repair
+            from voxelpose.calibration.check import check_recording, write_repair
             from voxelpose.recording.folder import Recording, frame_range
 
-            settings = CheckSettings(self.moments, self.most_late)
             frames, names = frame_range(self.frames), arguments.camera_names(self.cameras)
             recording = Recording.open(
                 self.recording, frames, names, self.unit, self.fps, self.label
             )
-            check = check_recording(recording, settings, progress)
+            check = check_recording(recording, progress, self.moments, self.most_late)
         print_check(check)
         if self.png is not None:
             from voxelpose.calibration.pictures import draw_check

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+from msgspec import Meta
+
 from calib.errors import InputError
 from voxelpose.cli import arguments
 from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
@@ -12,6 +14,9 @@ from voxelpose.cli.terminal import Progress, plain, print_table, rich_console
 if TYPE_CHECKING:
     from silhouette_core.progress import Reporter
     from voxelpose.calibration.sync import Sync
+
+
+_Seconds = Annotated[float, Meta(ge=1 / 100, le=100_000)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +46,10 @@ class CalibrateSync(arguments.OptionalBoard):
     a board (if --board is given), geometry, sound and silhouettes that there is."""
     reference: arguments.OptionalName = None
     """Camera to which the offsets refer. Default: the first."""
-    most: Annotated[float | None, arguments.optional("S")] = None
+    most: Annotated[_Seconds | None, arguments.optional("S")] = None
     """Largest offset that is searched for, in seconds. Default: 2 by geometry, 10 by silhouettes,
     20 by a board, 60 by sound."""
-    seconds: Annotated[float | None, arguments.optional("S")] = None
+    seconds: Annotated[_Seconds | None, arguments.optional("S")] = None
     """Length of the part of the recording to use, around its middle. Default: 12 by geometry, 40 by
     silhouettes, 60 by a board; by sound the first 600."""
     intrinsics: arguments.OptionalFile = None

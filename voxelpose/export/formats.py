@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import InputError
-from calib.storage.atomic import replacing, unwritable
+from calib.storage.atomic import replacing, writing
 from calib.storage.documents import load_text, parse_json
 from silhouette_core.motion.conditioning import describe_conditioning
 from silhouette_core.motion.motion import Motion
@@ -166,7 +166,7 @@ def export_motion(
     earlier = {place: read_export_record(place) for place in plan}
     made = [place for place in dict.fromkeys((folder, *plan)) if not place.exists()]
     try:
-        with ExitStack() as complete:
+        with writing(folder), ExitStack() as complete:
             for place, (people, writers) in plan.items():
                 place.mkdir(parents=True, exist_ok=True)
                 for name, (module, function) in writers.items():
@@ -177,8 +177,6 @@ def export_motion(
                     getattr(module, function)(_one_or_all(bodies), path, **more)
                 record = complete.enter_context(replacing(place / EXPORT_RECORD))
                 write_export_record(people, writers, earlier[place], record, excerpt)
-    except OSError as error:
-        raise unwritable(folder, error) from error
     finally:
         for place in reversed(made):
             with suppress(OSError):  # it holds something

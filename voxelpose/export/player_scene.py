@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Rig
+from calib.points import nearest_point
 from silhouette_core.body.joints import PART_NAMES
 from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions, skin
@@ -206,13 +207,13 @@ def _camera(camera: Any) -> dict[str, Any]:
 
 
 def _view(motions: Sequence[Motion], rig: Rig | None, results: int) -> dict[str, Any]:
-    """Height of the floor, what is looked at, from where: beside the first camera, and how far
-    from each other results stand.
+    """Height of the floor, what is looked at, from where: beside the first camera, which then hides
+    nobody, and how far from each other results stand.
     """
     centers = np.zeros((0, 3)) if rig is None else np.array([one.center_m for one in rig])
     floor = 0.0
-    if not motions:
-        middle, size = centers.mean(0) * (1, 1, 0) + (0, 0, 1), 1.8
+    if rig is not None and not motions:
+        middle, size = _looked_at_m(rig), 1.8
     else:
         roots = np.concatenate([motion.root_m for motion in motions])
         middle, motion = np.median(roots, axis=0), motions[0]
@@ -231,6 +232,15 @@ def _view(motions: Sequence[Motion], rig: Rig | None, results: int) -> dict[str,
     eye = middle + back * (1 + 0.25 * (results - 1))
     places = {"look_at": middle, "eye": eye, "apart": apart}
     return {"floor_m": float(floor)} | {name: place.tolist() for name, place in places.items()}
+
+
+def _looked_at_m(rig: Rig) -> NDArray[np.float64]:
+    """Point (3,) at 1 m height nearest to all optical axes; of one camera 3 m before it."""
+    axes = np.array([camera.rotation[2] for camera in rig])
+    ahead = np.array([camera.center_m for camera in rig]) + 3.0 * axes
+    start = ahead.mean(axis=0)  # decides where the axes are parallel
+    x, y, _ = start + nearest_point(ahead - start, axes)
+    return np.array([x, y, 1.0])
 
 
 def _lowest_point_m(motion: Motion) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.files import write_rig
-from calib.storage.atomic import unwritable
+from calib.storage.atomic import unwritable, writing
 from voxelpose.live.camera_source import Shot
 from voxelpose.recording.subject import Subject
 from voxelpose.recording.timestamps import TIMESTAMPS
@@ -53,13 +53,11 @@ class LiveRecorder:
         self._sizes = {camera.name: camera.size for camera in rig}
         if folder.exists():
             raise InputError(f"{folder} exists: give --record another name")
-        try:
+        with writing(folder):
             self._make(rig, subject, {} if private else empty)
             # Unbuffered: what a full disk cut off can be taken back.
             self._times = (folder / TIMESTAMPS).open("wb", buffering=0)
             self._times.write(b"cam_id,frame_time\n")
-        except OSError as error:
-            raise unwritable(folder, error) from error
         self._queue: Queue[tuple[float, Mapping[str, NDArray]] | None] = Queue(_WAITING)
         self._thread = threading.Thread(target=self._run, name="record", daemon=True)
         self._thread.start()

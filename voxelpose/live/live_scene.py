@@ -71,14 +71,8 @@ class LiveScene:
     def stage(self, title: str) -> dict[str, Any]:
         """What the page shows at first: the cameras, without anybody."""
         scene = player_scene([], 1.0, Stage(title, self._rig, (0, 1)))
-        middle, eye = _viewpoint(self._rig)
         colours = [person_colour(k) for k in range(len(self.bodies))]
-        return scene | {
-            "look_at": middle.tolist(),
-            "eye": eye.tolist(),
-            "colours": colours if len(colours) > 1 else [_ALONE],
-            "hull_colour": HULL,
-        }
+        return scene | {"colours": colours if len(colours) > 1 else [_ALONE], "hull_colour": HULL}
 
     def moment(self, frame: LiveFrame) -> dict[str, Any]:
         """Where everybody's parts are in a frame, the hull, and other poses of one camera."""
@@ -126,23 +120,3 @@ def small_picture(
     if view.maps is not None:
         small = cv2.remap(small, *view.maps, cv2.INTER_LINEAR)
     return np.asarray(small, np.uint8)
-
-
-def _viewpoint(rig: Rig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Point nearest to all optical axes, at 1 m height, of one camera 3 m before it; and from where
-    it is seen: above and beside the first camera, where no camera hides the person.
-    """
-    centers = np.array([camera.center_m for camera in rig])
-    axes = np.array([camera.rotation[2] for camera in rig])
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    # A weak pull toward 3 m before each camera decides where the axes are parallel.
-    pull = 0.01
-    ahead = centers + 3.0 * axes
-    normal = across.sum(0) + pull * len(rig) * np.eye(3)
-    point = np.linalg.solve(normal, np.einsum("cij,cj->i", across, centers) + pull * ahead.sum(0))
-    middle = np.array([point[0], point[1], 1.0])
-    toward = centers[0] - middle
-    beside = np.array([toward[0] - 0.6 * toward[1], toward[1] + 0.6 * toward[0], 0.0])
-    distance = np.clip(1.5 * np.linalg.norm(toward[:2]), 4.0, 8.0)
-    eye = middle + beside * distance / max(float(np.linalg.norm(beside)), 1e-9) + (0, 0, 2.2)
-    return middle, np.asarray(eye, np.float64)

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from calib.storage.atomic import unwritable, write_whole
+from calib.storage.atomic import write_whole, writing
 from silhouette_core.progress import Reporter
 from voxelpose.calibration.check import (
     Check,
@@ -28,7 +28,7 @@ def find_disagreement(reporter: Reporter, recording: Recording) -> dict[str, Any
     they replace. InputError where it is not possible.
     """
     inputs = replaced_inputs(recording)
-    check = check_recording(recording, None, reporter)
+    check = check_recording(recording, reporter)
     repaired: dict[str, str] = {}
     if check.repaired is not None:
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
@@ -53,10 +53,8 @@ def repair_folder(folder: Path, repaired: Mapping[str, str]) -> list[Path]:
     for name in repaired:
         old, backup = folder / name, folder / REPLACED / name
         if old.is_file() and not backup.exists():
-            try:
+            with writing(backup):
                 backup.parent.mkdir(exist_ok=True)
-            except OSError as error:
-                raise unwritable(backup, error) from error
             write_whole(backup, old.read_bytes())
     for name, text in repaired.items():
         write_whole(folder / name, text)

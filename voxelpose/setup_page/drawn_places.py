@@ -21,7 +21,7 @@ from PIL import Image, PngImagePlugin
 from tomlkit.exceptions import TOMLKitError
 
 from calib.errors import InputError
-from calib.storage.atomic import unwritable, write_whole
+from calib.storage.atomic import write_whole, writing
 from calib.storage.documents import load_text, parse_toml
 from silhouette_core.setting_types import range_of
 from voxelpose.cli.arguments import camera_names, up_direction
@@ -89,10 +89,8 @@ def write_region(
     path = folder / "regions" / f"{name}.png"
     written, removed = [], []
     if mask is not None:
-        try:
+        with writing(path):
             path.parent.mkdir(exist_ok=True)
-        except OSError as error:
-            raise unwritable(path, error) from error
         write_whole(path, _png(mask, drawing.polygons))
         written.append(path)
     if file is not None and file.path not in written:

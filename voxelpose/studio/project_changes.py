@@ -12,7 +12,7 @@ from typing import Any
 import tomlkit
 
 from calib.errors import InputError
-from calib.storage.atomic import unwritable, write_whole
+from calib.storage.atomic import write_whole, writing
 from calib.storage.documents import LARGEST_CALIBRATION, load_text, visible_entries
 from voxelpose.recording.frame_reader import STILLS, VIDEOS
 from voxelpose.result_documents import path_from
@@ -119,11 +119,9 @@ class ProjectChanges:
 
 
 def _move(path: Path, target: Path) -> None:
-    try:
+    with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         path.rename(target)
-    except OSError as error:
-        raise unwritable(target, error) from error
 
 
 def _linked(source: str, target: str) -> None:

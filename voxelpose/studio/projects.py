@@ -181,7 +181,6 @@ class StudioFolder:
         raise InputError(f"there is no {text[:80]!r} in {self.root}: correct the setting")
 
     def checked_inside(self, path: Path) -> Path:
-        """A path within; InputError where it leads out."""
         """A path, of which neither it nor a link in it leads out of the folder. InputError where
         one does.
         """

@@ -16,7 +16,7 @@ from calib.board import Board, BoardView
 from calib.camera import Rig
 from calib.errors import InputError
 from calib.intrinsics import corner_coverage
-from calib.storage.atomic import unwritable
+from calib.storage.atomic import writing
 from voxelpose.calibration.board_views import BoardFinder
 from voxelpose.live.camera_source import CameraReader, CameraSource, Shot, ShotMatcher
 from voxelpose.live.live_recorder import LiveRecorder
@@ -237,7 +237,7 @@ def put_in_place(staged: Path, target: Path) -> None:
     InputError where the system refuses.
     """
     old = target / _OLD
-    try:
+    with writing(target):
         shutil.rmtree(old, ignore_errors=True)
         (old / "background").mkdir(parents=True)
         for path in (*pictures_by_camera(target).values(), target / TIMESTAMPS):
@@ -253,5 +253,3 @@ def put_in_place(staged: Path, target: Path) -> None:
         for path in (*pictures_by_camera(staged).values(), staged / TIMESTAMPS):
             path.rename(target / path.name)
         shutil.rmtree(old)
-    except OSError as error:
-        raise unwritable(target, error) from error

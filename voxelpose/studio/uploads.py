@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import InputError
-from calib.storage.atomic import replacing, unwritable
+from calib.storage.atomic import replacing, writing
 from calib.storage.documents import LARGEST_CALIBRATION, load_text, parse_toml, visible_entries
 from silhouette_core.body.presets import body_preset
 from voxelpose.recording.camera_files import SUBFOLDERS, is_image_folder
@@ -99,10 +99,8 @@ async def receive(reader: StreamReader, size: int, target: Path, present: Path |
     TimeoutError where not all of it comes.
     """
     is_new = not target.parent.exists()
-    try:
+    with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(target, error) from error
     try:
         with replacing(target) as partial:
             with partial.open("wb") as file:

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from jax.typing import ArrayLike
 
 from calib.checks import BoolArray, RealArray
 from silhouette_core.monocular.making.learning_settings import TrainingSettings
@@ -157,28 +158,32 @@ def train_network(
         noise = stream.standard_normal(batch.inputs.shape, np.float32) * np.float32(settings.noise)
         return replace(batch, inputs=batch.inputs + noise)
 
-    def loss(layers: _Layers, batch: TrainingBatch, share: float) -> tuple[jax.Array, jax.Array]:
-        return mixture_loss(_with_layers(network, layers), batch, share)
-
-    layers, rates, claimed = (network.weights, network.biases), None, TRAINING.claimed
+    layers, claimed = (network.weights, network.biases), TRAINING.claimed
+    rates = jax.tree.map(lambda _: 1.0, layers)
     if further:
         # Of inputs that nothing has learned to read, all weights are 0.
         learned = int(np.flatnonzero(network.weights[0].any(axis=1))[-1]) + 1
-        rates = jax.tree.map(lambda _: settings.kept_rate, layers)
         is_learned = np.arange(len(network.weights[0]))[:, None] < learned
-        rates[0][0] = np.where(is_learned, settings.kept_rate, 1.0)
+        rate = settings.kept_rate
+        of_first = np.where(is_learned, rate, 1.0)
+        rates = (of_first, *(rate for _ in layers[0][1:])), tuple(rate for _ in layers[1])
         claimed = 0.0
-    layers = descend(layers, loss, noisy, settings, rng, reporter, claimed, rates)
-    return _with_layers(network, layers)
-
-
-def _with_layers(network: MixtureNetwork, layers: _Layers) -> MixtureNetwork:
+    gradient = partial(_network_gradient, mean=network.mean_joints, modes=network.modes)
+    layers = descend(layers, gradient, noisy, settings, rng, reporter, claimed, rates)
     return replace(network, weights=layers[0], biases=layers[1])
+
+
+@partial(_compiled, static_argnames="modes")
+@partial(jax.grad, has_aux=True)
+def _network_gradient(
+    layers: _Layers, batch: TrainingBatch, share: float, mean: RealArray, modes: int
+) -> tuple[jax.Array, jax.Array]:
+    return mixture_loss(MixtureNetwork(*layers, mean, modes), batch, share)
 
 
 def descend(
     parameters: _Parameters,
-    loss: Callable[[_Parameters, _Batch, float], tuple[jax.Array, jax.Array]],
+    gradient: Callable[[_Parameters, _Batch, float], tuple[_Parameters, jax.Array]],
     draw: Callable[[np.random.Generator, int], _Batch],
     settings: TrainingSettings,
     rng: np.random.Generator,
@@ -190,8 +195,8 @@ def descend(
 
     Args:
         parameters: tuples of arrays; those of two dimensions decay.
-        loss: from parameters, a batch and the share of `mixture_loss`: what is descended along,
-            and what is reported.
+        gradient: from parameters, a batch and the share of `mixture_loss`: the gradient, and the
+            loss that is reported.
         draw: draws a number of samples; called in several threads.
         reporter: informed of every step, and of the mean loss of each tenth of them.
         claimed: share of the steps in which the nearest mode alone learns.
@@ -199,52 +204,49 @@ def descend(
 
     Source: Kingma and Ba, Adam (2015); Loshchilov and Hutter (2019).
     """
-
-    def rate(step: jax.Array) -> jax.Array:
-        warm = jnp.minimum(1.0, (step + 1) / min(_WARM_UP, settings.steps))
-        cosine = 0.5 * (1 + jnp.cos(jnp.pi * step / settings.steps))
-        return settings.rate * warm * cosine + TRAINING.last_rate
-
-    adam = optax.chain(
-        optax.clip_by_global_norm(TRAINING.largest_gradient),
-        optax.adamw(
-            rate,
-            weight_decay=settings.decay,
-            mask=lambda arrays: jax.tree.map(lambda array: array.ndim == 2, arrays),
-        ),
-    )
-
-    @_compiled
-    def moved(parameters, state, gradients):
-        mean = jax.tree.map(lambda *parts: sum(parts) / _PARTS, *gradients)
-        steps, state = adam.update(mean, state, parameters)
-        if rates is not None:
-            steps = jax.tree.map(jnp.multiply, steps, rates)
-        return optax.apply_updates(parameters, steps), state
-
-    gradient = _compiled(jax.grad(loss, has_aux=True))
-    streams, state = rng.spawn(_PARTS), adam.init(parameters)
+    rates = jax.tree.map(lambda _: 1.0, parameters) if rates is None else rates
+    streams, state = rng.spawn(_PARTS), _adam(settings).init(parameters)  # type: ignore[arg-type]
     losses: list[float] = []
     tenth, samples = max(1, settings.steps // 10), settings.batch // _PARTS
     for step in range(settings.steps):
-        done = step / settings.steps
-        share = (
-            max(TRAINING.share * (1 - done / claimed), TRAINING.least_share)
-            if done < claimed
-            else 0.0
-        )
+        done, share = step / settings.steps, 0.0
+        if done < claimed:
+            share = max(TRAINING.share * (1 - done / claimed), TRAINING.least_share)
 
         def of_part(stream, parameters=parameters, share=share):
             return jax.block_until_ready(gradient(parameters, draw(stream, samples), share))
 
         gradients, of_parts = zip(*side_by_side(of_part, streams), strict=True)
-        parameters, state = moved(parameters, state, gradients)
+        parameters, state = _moved(parameters, state, gradients, rates, settings)
         losses.append(float(np.mean(of_parts)))
         reporter.advance()
         if len(losses) % tenth == 0:
             mean = np.mean(losses[-tenth:])
             reporter.note(f"after {len(losses)} of {settings.steps} steps the loss is {mean:.2f}")
     return jax.tree.map(np.array, parameters)
+
+
+@partial(_compiled, static_argnames="settings")
+def _moved(parameters, state, gradients, rates, settings):
+    """Parameters and the optimiser's state after a step along the mean of some gradients."""
+    mean = jax.tree.map(lambda *parts: sum(parts) / _PARTS, *gradients)
+    steps, state = _adam(settings).update(mean, state, parameters)
+    return optax.apply_updates(parameters, jax.tree.map(jnp.multiply, steps, rates)), state
+
+
+def _adam(settings: TrainingSettings) -> optax.GradientTransformation:
+    def rate(step: ArrayLike) -> jax.Array:
+        warm = jnp.minimum(1.0, (step + 1) / min(_WARM_UP, settings.steps))
+        cosine = 0.5 * (1 + jnp.cos(jnp.pi * step / settings.steps))
+        return settings.rate * warm * cosine + TRAINING.last_rate
+
+    def decaying(arrays: _Parameters) -> _Parameters:
+        return jax.tree.map(lambda array: array.ndim == 2, arrays)
+
+    return optax.chain(
+        optax.clip_by_global_norm(TRAINING.largest_gradient),
+        optax.adamw(rate, weight_decay=settings.decay, mask=decaying),
+    )
 
 
 def train_encoders(
@@ -278,18 +280,28 @@ def train_encoders(
         rng,
     )
 
-    def loss(
-        layers: tuple[_Layers, _Layers, _Layers], batch: PictureBatch, share: float
-    ) -> tuple[jax.Array, jax.Array]:
-        return mixture_loss(_with_layers(network, layers[2]), read_codes(*layers[:2], batch), share)
-
     layers = tuple((one.weights, one.biases) for one in (outline, inside, network))
-    layers = descend(layers, loss, draw, settings, rng, reporter)
+    gradient = partial(_encoder_gradient, mean=network.mean_joints, modes=network.modes)
+    layers = descend(layers, gradient, draw, settings, rng, reporter)
     return SilhouetteEncoding(
         ConvolutionalEncoder(*layers[0]).ordered(first.outline),
         feet,
         ConvolutionalEncoder(*layers[1]).ordered(first.inside),
     )
+
+
+@partial(_compiled, static_argnames="modes")
+@partial(jax.grad, has_aux=True)
+def _encoder_gradient(
+    layers: tuple[_Layers, _Layers, _Layers],
+    batch: PictureBatch,
+    share: float,
+    mean: RealArray,
+    modes: int,
+) -> tuple[jax.Array, jax.Array]:
+    outline, inside, (weights, biases) = layers
+    network = MixtureNetwork(weights, biases, mean, modes)
+    return mixture_loss(network, read_codes(outline, inside, batch), share)
 
 
 def read_codes(outline: _Layers, inside: _Layers, batch: PictureBatch) -> TrainingBatch:
@@ -307,7 +319,7 @@ def _encoded(layers: _Layers, images: RealArray) -> jax.Array:
     weights, biases = layers
     state = jnp.asarray(images)
     for size, weight, bias in zip(SIZES, weights, biases, strict=False):
-        filters = weight.reshape(size, size, state.shape[-1], -1)
+        filters = jnp.reshape(weight, (size, size, state.shape[-1], -1))
         order = ("NHWC", "HWIO", "NHWC")
         state = jax.lax.conv_general_dilated(
             state, filters, (STRIDE, STRIDE), "SAME", dimension_numbers=order

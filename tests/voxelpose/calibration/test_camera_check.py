@@ -14,7 +14,7 @@ from calib.extrinsics import pose_difference
 from calib.files import read_rig, write_rig
 from calib.moments import even_moments
 from tests.sources import figure_masks, ring, turned, write_figure
-from voxelpose.calibration.check import CheckSettings, check_recording, exchanged
+from voxelpose.calibration.check import check_recording, exchanged
 from voxelpose.cli import run
 from voxelpose.recording.folder import Recording
 
@@ -114,8 +114,8 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path, rig, films, capsys):
     folder = write_figure(tmp_path, rig, {name: film[:6] for name, film in films.items()})
     for words, message in (
         (["--cameras", "cam_1"], "has one camera"),
-        (["--moments", "2"], "2 moments are too few"),
-        (["--most-late", "-1"], "-1 frames out of step"),
+        (["--moments", "2"], "--moments = '2' must be"),
+        (["--most-late", "-1"], "--most-late = '-1' must be"),
         (["--repair", str(folder)], "exists"),
         (["--png", str(folder / "calibration.toml")], "exists"),
     ):
@@ -124,10 +124,8 @@ def test_what_cannot_be_checked_is_refused(tmp_path: Path, rig, films, capsys):
     with pytest.raises(InputError, match="never sees somebody"):
         black = [np.zeros_like(film[0]) for film in films.values()][:1] * 6
         (tmp_path / "dark").mkdir()
-        check_recording(
-            Recording.open(write_figure(tmp_path / "dark", rig, dict.fromkeys(films, black))),
-            CheckSettings(),
-        )
+        dark = write_figure(tmp_path / "dark", rig, dict.fromkeys(films, black))
+        check_recording(Recording.open(dark))
 
 
 def test_the_parts(rig):

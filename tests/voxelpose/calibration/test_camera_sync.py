@@ -67,8 +67,8 @@ def test_what_cannot_be_synchronised_is_refused(tmp_path: Path, rig, capsys):
         ([], "nobody moves in cam_1"),
         (["--cameras", "cam_1"], "has one camera"),
         (["--out", str(folder / "old.csv")], "exists"),
-        (["--most", "-1"], "at most -1 s"),
-        (["--seconds", "0"], "0 s of a recording"),
+        (["--most", "-1"], "--most = '-1.0' must be"),
+        (["--seconds", "0"], "--seconds = '0.0' must be"),
         (["--rates", "cam_1:30"], "--rates cam_1:30 is not understood"),
     ):
         assert run(["calibrate", "sync", str(folder), *words]) == 2
