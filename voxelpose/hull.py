@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,16 +9,13 @@ from numpy.typing import NDArray
 from calib.camera import Rig
 from calib.errors import InputError
 from silhouette_core.image.silhouettes import Silhouettes
-from voxelpose.multiview.carving.bounds import (
-    check_tolerance,
-    grid_within,
-    place_grid,
-    require_foreground,
-)
+from voxelpose.multiview.carving.bounds import place_grid
 from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.carving.hull_mesh import write_ply
 from voxelpose.recording.folder import Recording
+
+_RESOLUTION = 192  # voxels along the longest edge where no size is given
 
 
 @dataclass(frozen=True)
@@ -28,14 +24,9 @@ class CarveSettings:
 
     frame: int = 0  #: Number of the frame.
     voxel_size_m: float | None = None
-    """Edge of a voxel, m; None divides the volume's longest edge by `resolution`."""
-    resolution: int = 192  #: Voxels along the longest edge where no size is given.
-    volume_m: tuple[float, float, float, float, float, float] | None = None
-    """Low corner x, y, z and high corner x, y, z, world, m; None finds the volume."""
+    """Edge of a voxel, m; None: a 192th of the longest edge of what the silhouettes allow."""
     rule: CarveRule = field(default_factory=CarveRule)
     """Condition under which a voxel is occupied."""
-    style: Literal["surface", "voxels"] = "surface"
-    """"surface" writes a triangle mesh, "voxels" the centres of the occupied voxels."""
     cameras: tuple[str, ...] | None = None  #: Names of the cameras to use; None means all.
     unit: str | None = None  #: Unit of the calibration's lengths where its file does not say.
     label: str | None = None  #: Labels of the person in masks/; None finds them.
@@ -48,10 +39,6 @@ class CarveSettings:
         ):
             raise InputError(
                 f"voxels of {self.voxel_size_m:g} m are impossible: give a positive size"
-            )
-        if self.resolution < 1:
-            raise InputError(
-                f"a resolution of {self.resolution} voxels is impossible: give at least 1"
             )
 
 
@@ -85,7 +72,7 @@ def carve_recording(
     Args:
         folder: The recording folder; see docs/recordings.md.
         out: PLY file to write; None writes nothing.
-        settings: Frame, volume, resolution and rule.
+        settings: Frame, size of voxels and rule.
         overwrite: Whether `out` may exist.
 
     Raises:
@@ -103,24 +90,12 @@ def carve_recording(
     _, _, frames = next(iter(recording))
     rig, masks = recording.rig, silhouettes.of(frames)
     unknown = silhouettes.unknown_of(rig.names)
-    if settings.volume_m is None:
-        voxel_size_m, resolution = settings.voxel_size_m, settings.resolution
-        grid = place_grid(rig, masks, voxel_size_m, resolution, settings.rule, unknown)
-    else:
-        check_tolerance(settings.rule.tolerance, len(rig))
-        require_foreground(rig, [masks[name] for name in rig.names], settings.rule.tolerance)
-        low, high = np.array(settings.volume_m[:3]), np.array(settings.volume_m[3:])
-        grid = grid_within(
-            low,
-            high,
-            settings.voxel_size_m or max(float((high - low).max()), 1e-9) / settings.resolution,
-        )
+    grid = place_grid(rig, masks, settings.voxel_size_m, _RESOLUTION, settings.rule, unknown)
     occupancy = carve(rig, masks, grid, settings.rule, unknown)
     if not occupancy.any():
         raise InputError(
-            "no voxel is left: choose smaller voxels, another volume, or tolerate a bad camera"
-            " (--tolerance 1)"
+            "no voxel is left: choose smaller voxels, or tolerate a bad camera (--tolerance 1)"
         )
     if out is not None:
-        write_ply(out, grid, occupancy, settings.style)
+        write_ply(out, grid, occupancy)
     return Hull(grid, occupancy, rig, masks, silhouettes.without_background, recording.notes)

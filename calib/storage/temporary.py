@@ -23,7 +23,7 @@ def private_folder() -> Path:
     folder, this process gets a new one.
     """
     user = getattr(os, "getuid", lambda: "user")()
-    try:
+    with _said():
         with suppress(FileExistsError):  # no folder
             folder = Path(tempfile.gettempdir()) / f"voxelpose-{user}"
             folder.mkdir(mode=0o700, exist_ok=True)
@@ -33,10 +33,6 @@ def private_folder() -> Path:
             if is_usable and os.access(folder, os.W_OK):
                 return folder
         return Path(tempfile.mkdtemp(prefix="voxelpose-"))
-    except OSError as error:
-        raise InputError(
-            f"no folder of temporary files can be written ({error.strerror or error}): set TMPDIR"
-        ) from error
 
 
 class ScratchFile:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import arg
 
@@ -18,7 +18,7 @@ class Carve:
     Its volume is printed, and the number and the size of its voxels.
 
       voxelpose carve walk --frame 40 --out hull.ply
-      voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01 --style voxels
+      voxelpose carve walk --frame 40 --out hull.ply --voxel 0.01
     """
 
     recording: arguments.RecordingFolder
@@ -27,19 +27,9 @@ class Carve:
     frame: Annotated[int, arg(metavar="N")] = 0
     """Number of the frame."""
     voxel: arguments.OptionalLength = None
-    """Edge of a voxel in metres. Default: the volume's longest edge divided by --resolution."""
-    resolution: Annotated[int, arg(metavar="N")] = 192
-    """Number of voxels along the longest edge of the volume."""
-    volume: Annotated[
-        tuple[float, float, float, float, float, float] | None, arguments.optional("X Y Z X Y Z")
-    ] = None
-    """Minimum and maximum corner of the volume, metres. Default: from the silhouettes."""
+    """Edge of a voxel in metres. Default: a 192th of the hull's longest edge."""
     tolerance: Annotated[setting_types.Tolerance, arg(metavar="N")] = 0
     """Number of cameras that may see background where a voxel is kept."""
-    outside: Literal["keep", "carve"] = "keep"
-    """Whether a voxel outside a camera's image is kept."""
-    style: Literal["surface", "voxels"] = "surface"
-    """Triangle mesh, or centres of the voxels as points."""
     cameras: arguments.Cameras = None
     unit: arguments.Unit = None
     label: arguments.Label = None
@@ -53,10 +43,7 @@ class Carve:
         settings = CarveSettings(
             frame=self.frame,
             voxel_size_m=self.voxel,
-            resolution=self.resolution,
-            volume_m=self.volume,
-            rule=CarveRule(self.tolerance, self.outside),
-            style=self.style,
+            rule=CarveRule(self.tolerance),
             cameras=arguments.camera_names(self.cameras),
             unit=self.unit,
             label=self.label,

@@ -47,5 +47,5 @@ def test_a_name_that_is_not_ours_is_not_used(temporary, taken, monkeypatch):
 
 def test_no_temporary_files_is_one_line(temporary, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(temporary / "missing"))
-    with pytest.raises(InputError, match=r"no folder of temporary files can be written.*TMPDIR"):
+    with pytest.raises(InputError, match=r"the folder of temporary files .*TMPDIR"):
         private_folder()

@@ -1,7 +1,6 @@
 """Surface mesh of a voxel body, and PLY files."""
 
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import trimesh
@@ -46,26 +45,17 @@ def surface(grid: VoxelGrid, occupancy: BoolArray) -> tuple[FloatArray, IntArray
     return vertices * grid.voxel_size_m, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 
-def write_ply(
-    path: Path | str,
-    grid: VoxelGrid,
-    occupancy: BoolArray,
-    style: Literal["surface", "voxels"] = "surface",
-) -> None:
-    """Writes the hull as a binary PLY file, in metres; no partial file is left behind. Raises
-    InputError where the file cannot be written; ValueError where nothing is occupied.
+def write_ply(path: Path | str, grid: VoxelGrid, occupancy: BoolArray) -> None:
+    """Writes the hull's surface as a binary PLY file, in metres; no partial file is left behind.
+    Raises InputError where the file cannot be written; ValueError where nothing is occupied.
 
     Args:
         occupancy: (nx, ny, nz) bool, not all False.
-        style: "surface" is a triangle mesh, "voxels" the centres of the occupied voxels as points.
     """
     if not occupancy.any():
         raise ValueError("no voxel is occupied")
-    if style == "surface":
-        vertices, faces = surface(*grid.cropped(occupancy))
-        shape = trimesh.Trimesh(vertices, faces, process=False)
-    else:
-        shape = trimesh.PointCloud(grid.occupied_points(occupancy))
+    vertices, faces = surface(*grid.cropped(occupancy))
+    shape = trimesh.Trimesh(vertices, faces, process=False)
     with replacing(Path(path)) as partial, partial.open("wb") as file:
         shape.export(file, file_type="ply")
 

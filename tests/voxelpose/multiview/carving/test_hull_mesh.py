@@ -107,15 +107,6 @@ def test_the_written_mesh_reads_back(figure, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["hull.ply"]
 
 
-def test_the_written_voxels_read_back(figure, tmp_path):
-    grid, occupancy = figure
-    write_ply(tmp_path / "hull.ply", grid, occupancy, "voxels")
-    cloud = trimesh.load(tmp_path / "hull.ply")
-    again = np.zeros(grid.shape, bool)
-    again[tuple(voxels_at(grid, cloud.vertices).T)] = True
-    np.testing.assert_array_equal(again, occupancy)
-
-
 def test_what_cannot_be_written_is_said(figure, tmp_path):
     with pytest.raises(InputError, match=r"hull\.ply cannot be written"):
         write_ply(tmp_path / "missing" / "hull.ply", *figure)
