@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from voxelpose.findings import Finding, ranges_text, worst_first
+from voxelpose.people_marks import display_name
 from voxelpose.tuning import RELIABILITY, REPORT
 
 if TYPE_CHECKING:
@@ -196,7 +197,7 @@ def _of_one_camera(quality: _Table) -> Iterator[Finding]:
         return
     each: dict[str, float] = quality.get("joint_error_mm", {})
     worst = sorted(each, key=lambda name: -each[name])[:_WORST]
-    listed = ", ".join(f"{_spaced(name)} ({each[name]:.0f} mm)" for name in worst)
+    listed = ", ".join(f"{display_name(name)} ({each[name]:.0f} mm)" for name in worst)
     where = f"in the room, most for {listed}" if listed else ""
     if error_mm > RELIABILITY.open_mm:
         yield _bad(
@@ -271,7 +272,7 @@ def _of_silhouettes(quality: _Table, facts: _Table) -> Iterator[Finding]:
             "Joints",
             "bad" if len(uncertain) > len(confidence) / 3 else "look",
             f"{len(uncertain)} of {len(confidence)} joints are likely over 30 mm off",
-            ", ".join(map(_spaced, uncertain)),
+            ", ".join(map(display_name, uncertain)),
             "look at the contact sheet, and at whether the cameras see the person, and limbs held"
             " against the body, from different sides",
         )
@@ -284,7 +285,7 @@ def _of_parts(motion: Motion | None) -> Iterator[Finding]:
     # Parts too small to be measured are nan.
     uncovered = np.mean(np.asarray(overlap) < REPORT.covered, axis=0).tolist()
     weak = [
-        f"{_spaced(name)} ({100 * share:.0f} % of frames)"
+        f"{display_name(name)} ({100 * share:.0f} % of frames)"
         for name, share in zip(motion.model.names, uncovered, strict=True)
         if share > RELIABILITY.lost and not name.endswith(_SMALL)
     ]
@@ -314,7 +315,3 @@ def _error_mm(quality: _Table) -> float | None:
 def _number_or(value: float | None, otherwise: float) -> float:
     """A number of the summary, where null stands for one that is not known."""
     return otherwise if value is None else value
-
-
-def _spaced(name: str) -> str:
-    return name.replace("_", " ")

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -21,7 +21,7 @@ from calib.storage.documents import load_text, parse_json, parse_toml
 from silhouette_core.estimator import Settings
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.motion_file import MOTION, read_motion
-from silhouette_core.setting_types import BackgroundKind, Chest, Sex, Stature, Tolerance, VoxelSize
+from silhouette_core.setting_types import Chest, Sex, Stature, Tolerance, VoxelSize
 from voxelpose.corrections import (
     CORRECTIONS,
     Correction,
@@ -162,8 +162,6 @@ class _Recorded(Settings):
     cameras: _Names | None = None
     estimator: _Name = ""
     label: _Name | None = None
-    # refined: auto, until 2026-11
-    background: BackgroundKind | Literal["refined"] = "auto"  # type: ignore[assignment]
     options: _Options = field(default_factory=_Options)  # type: ignore[assignment]
 
 

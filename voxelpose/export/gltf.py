@@ -13,7 +13,7 @@ from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from silhouette_core.motion.smoothing import continuous_quaternions
 from voxelpose.export.rigged import RiggedMotion, rigged
-from voxelpose.people_marks import COLOURS, person_names
+from voxelpose.people_marks import person_colour, person_names
 from voxelpose.version import __version__
 
 _TYPES = {(): gltf.SCALAR, (3,): gltf.VEC3, (4,): gltf.VEC4, (4, 4): gltf.MAT4}
@@ -58,7 +58,7 @@ def write_glb(motion: Motion | RiggedMotion | Sequence[Motion | RiggedMotion], p
             "filled_frames": source.frames[source.filled].tolist(),
         }
         _add_skeleton(document, packer, body)
-        _add_skin(document, packer, body, None if alone else COLOURS[k % len(COLOURS)])
+        _add_skin(document, packer, body, None if alone else person_colour(k))
         _add_animation(animation, packer, body, first + 1, first_frame)
         if alone:
             document.extras |= extras

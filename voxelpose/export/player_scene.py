@@ -15,7 +15,7 @@ from silhouette_core.body.model import BodyModel
 from silhouette_core.motion.kinematics import quaternions, skin
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.skeleton import part_ends
-from voxelpose.people_marks import COLOURS, person_names
+from voxelpose.people_marks import person_colour, person_names
 
 CONFIDENCE = {
     "right_probability": "Probability that the joints' mean error is below 80 mm",
@@ -80,7 +80,7 @@ def player_scene(motions: Sequence[Motion], fps: float, stage: Stage) -> dict[st
             {
                 "name": names[k],
                 "result": result[k],
-                "colour": COLOURS[k % len(COLOURS)] if names[k] else None,
+                "colour": person_colour(k) if names[k] else None,
                 **_body(motion, rows),
             }
             for k, motion in enumerate(motions)

@@ -18,9 +18,10 @@ from silhouette_core.motion.kinematics import quaternions
 from silhouette_core.motion.motion import Motion
 from voxelpose.export.player_scene import Stage, other_poses, packed, player_scene
 from voxelpose.live.live_frame import LiveFrame, PosedBody
-from voxelpose.people_marks import rgb
-from voxelpose.view.viewer.legend import HULL, SILHOUETTE, person_colour
+from voxelpose.people_marks import person_colour, rgb
+from voxelpose.view.viewer.scene import SILHOUETTE
 
+_HULL = (140, 150, 160)  # RGB
 _PICTURE_PX = 320
 _REBUILD_S = 1  # an estimation that adapts the body may give a new one with every frame
 _MOST_HYPOTHESES = 3
@@ -72,7 +73,7 @@ class LiveScene:
         """What the page shows at first: the cameras, without anybody."""
         scene = player_scene([], 1.0, Stage(title, self._rig, (0, 1)))
         colours = [person_colour(k) for k in range(len(self.bodies))]
-        return scene | {"colours": colours if len(colours) > 1 else [_ALONE], "hull_colour": HULL}
+        return scene | {"colours": colours if len(colours) > 1 else [_ALONE], "hull_colour": _HULL}
 
     def moment(self, frame: LiveFrame) -> dict[str, Any]:
         """Where everybody's parts are in a frame, the hull, and other poses of one camera."""

@@ -13,8 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from voxelpose.view.viewer.legend import overlap_colours
-
+# RGB, vermilion over yellow to blue: no kind of colour vision confuses the ends.
+_RAMP = np.array([[213, 62, 20], [244, 190, 60], [64, 132, 214]])
+_UNKNOWN = (150, 150, 150)
 # Placeholder for the page's own text colour.
 _INK = "#123456"
 # Curves of the right side are dashed, too: not everybody sees the colours, nor does every printer.
@@ -136,6 +137,14 @@ def part_chart(
         _time_axis(axes, time_s)
         words = "share of every body part inside the carved hull over time; a table follows"
         return _svg(figure, axes, time_s, name, words)
+
+
+def overlap_colours(overlap: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Colours (n, 3) uint8 RGB of fractions (n,) of parts inside the hull; grey where NaN."""
+    position = np.clip(np.nan_to_num(overlap), 0, 1) * (len(_RAMP) - 1)
+    low = np.minimum(position.astype(int), len(_RAMP) - 2)
+    mixed = _RAMP[low] + (position - low)[:, None] * (_RAMP[low + 1] - _RAMP[low])
+    return np.where(np.isfinite(overlap)[:, None], mixed, _UNKNOWN).round().astype(np.uint8)
 
 
 def _curve_style(name: str) -> dict[Any, Any]:

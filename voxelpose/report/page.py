@@ -18,7 +18,7 @@ from silhouette_core.motion.gait import find_gait
 from silhouette_core.motion.motion import Motion
 from silhouette_core.progress import Reporter, SilentReporter
 from voxelpose.findings import Finding
-from voxelpose.people_marks import person_names
+from voxelpose.people_marks import display_name, person_colour, person_names
 from voxelpose.recording.frame_reader import read_still
 from voxelpose.reliability import LEVELS, verdict_of_people
 from voxelpose.report.charts import LEFT, MIDDLE, RIGHT, TimeChart, part_chart, time_chart
@@ -40,7 +40,6 @@ from voxelpose.tuning import RELIABILITY
 from voxelpose.tuning import REPORT as LIMITS
 from voxelpose.view.images.canvas import Image, has_sides
 from voxelpose.view.serving.page_words import page_words
-from voxelpose.view.viewer.legend import display_name, person_colour
 from voxelpose.view.viewer.result_scenes import ResultScenes
 
 REPORT = "report.html"

@@ -18,8 +18,8 @@ from voxelpose.cli import run
 from voxelpose.export.formats import export_motion
 from voxelpose.export.html_player import write_html
 from voxelpose.export.player_scene import CONFIDENCE, Stage, player_scene, skeleton_lines
+from voxelpose.report.charts import overlap_colours
 from voxelpose.view.images import canvas
-from voxelpose.view.viewer.legend import overlap_colours
 
 RIG = ring(3, (320, 240))
 

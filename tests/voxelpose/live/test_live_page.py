@@ -27,8 +27,9 @@ from voxelpose.live.live_frame import LiveFrame
 from voxelpose.live.live_page import Page
 from voxelpose.live.live_scene import LiveScene, SentBody, small_picture
 from voxelpose.live.senders import ReceiverState
+from voxelpose.people_marks import person_colour
 from voxelpose.view.serving.gate import Address
-from voxelpose.view.viewer.legend import SILHOUETTE, person_colour
+from voxelpose.view.viewer.scene import SILHOUETTE
 
 RIG = ring(2, (320, 240), (-0.2, 0.05, 0.0, 0.0))
 

@@ -18,9 +18,9 @@ from voxelpose.cli import run
 from voxelpose.export.tables import read_hypotheses
 from voxelpose.fitting import Output, write_estimate
 from voxelpose.recording.folder import Recording
+from voxelpose.report.charts import overlap_colours
 from voxelpose.view.serving.gate import Address
 from voxelpose.view.viewer.browser import Browser
-from voxelpose.view.viewer.legend import overlap_colours
 from voxelpose.view.viewer.result_scenes import ResultScenes
 from voxelpose.view.viewer.scene import camera_picture, frame_lines
 

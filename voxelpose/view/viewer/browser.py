@@ -19,9 +19,8 @@ from voxelpose.results import correct
 from voxelpose.view.serving.gate import Address, GatedServer, GateRequest, Reply
 from voxelpose.view.serving.page_answers import Moment, Name, PageAnswers, Pixel, check_camera_names
 from voxelpose.view.viewer.frame_answer import frame_answer, outlined_picture
-from voxelpose.view.viewer.legend import OUTLYING_CM
 from voxelpose.view.viewer.result_scenes import OtherResult, ResultScenes
-from voxelpose.view.viewer.scene import Pictures
+from voxelpose.view.viewer.scene import OUTLYING_CM, Pictures
 from voxelpose.view.viewer.silhouette_page import SilhouettePage
 
 _HEAD = """<link rel="stylesheet" href="base.css">

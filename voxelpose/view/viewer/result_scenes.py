@@ -27,11 +27,11 @@ from voxelpose.multiview.carving.observe import FrameObservation, HullObserver, 
 from voxelpose.multiview.matching.body_volume import BodyVolume
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX
 from voxelpose.multiview.tuning import CARVING
+from voxelpose.people_marks import display_name
 from voxelpose.recording.folder import Recording, open_readers
 from voxelpose.recording.input_digests import changes_since
 from voxelpose.results import Result, corrections_home, is_result, names_of, open_people
 from voxelpose.view.images.figure import PartPoses, skeleton_bones, skeleton_joints
-from voxelpose.view.viewer.legend import display_name
 from voxelpose.view.viewer.outer_voxels import NearestBodies, OuterVoxels
 from voxelpose.view.viewer.scene import BodyState, CameraFrame, CameraFrames, CarvedHull, Scene
 
@@ -164,7 +164,7 @@ class ResultScenes:
         self.lenses = {
             camera.name: UndistortedView.from_camera(camera, LONG_SIDE_PX) for camera in self.rig
         }
-        self.background = settings.get("background", "auto").replace("refined", "auto")
+        self.background = settings.get("background", "auto")
         self.reader = None  # of pictures and silhouettes
         if self.recording:
             network = installed_network() if self.facts.get("network") else None

@@ -17,14 +17,19 @@ from silhouette_core.image.silhouettes import Silhouettes, UndistortedView, scal
 from voxelpose.export.tables import Hypothesis
 from voxelpose.multiview.carving.grid import VoxelGrid
 from voxelpose.multiview.silhouettes.prepared_silhouettes import LONG_SIDE_PX, unknown_views
+from voxelpose.people_marks import display_name
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import Frame, read_together
 from voxelpose.tuning import REPORT
 from voxelpose.view.images.canvas import Colour, hatched, reduced
-from voxelpose.view.viewer import legend
 from voxelpose.view.viewer.outer_voxels import NearestBodies, OuterVoxels
 
 Pictures = Literal["both", "picture", "silhouette"]
+SILHOUETTE: Colour = (255, 150, 40)
+"""RGB."""
+OUTLYING_CM = 5
+"""Distance from the body above which a voxel is unexplained: a hull of few cameras is too large."""
+_FAR = f"more than {OUTLYING_CM} cm from the body"
 PICTURE_PX = 480
 """Longest side of the cameras' pictures in the scene."""
 _MOST_SKIPPED = 40  # frames that are rather decoded and discarded than reached from the start
@@ -57,7 +62,7 @@ class CarvedHull:
     @property
     def far(self) -> NDArray[np.bool_]:
         """Voxels (nx, ny, nz) that lie outside of every body's surroundings."""
-        return self.occupancy & (self.nearest.distance_m > legend.OUTLYING_CM / 100)
+        return self.occupancy & (self.nearest.distance_m > OUTLYING_CM / 100)
 
     def litres(self, voxels: NDArray[np.bool_]) -> float:
         """Volume of the true ones of some voxels, litres."""
@@ -104,8 +109,8 @@ def frame_lines(scene: Scene) -> list[tuple[int | None, str]]:
         if body is not None and hull is not None:
             near = hull.nearest.person == k
             words.append(f"Hull {hull.litres(near):.0f} litres.")
-            words.append(f"{hull.litres(near & hull.far):.0f} litres of it are {legend.FAR}.")
-        whose = f"{name[:1].upper()}{legend.display_name(name[1:])}: " if several else ""
+            words.append(f"{hull.litres(near & hull.far):.0f} litres of it are {_FAR}.")
+        whose = f"{name[:1].upper()}{display_name(name[1:])}: " if several else ""
         lines += [(k if several else None, whose + each) for each in words]
     if hull is not None and not any(scene.bodies):
         lines.append((None, f"Hull {hull.litres(hull.occupancy):.0f} litres."))
@@ -127,7 +132,7 @@ def _body_words(body: BodyState | None) -> Iterator[str]:
             " silhouettes."
         )
     weak = [
-        legend.display_name(name)
+        display_name(name)
         for name, overlap in zip(body.part_names, body.overlap, strict=True)
         if overlap < REPORT.covered
     ]
@@ -145,7 +150,7 @@ def camera_picture(
     if mask is not None and (picture is None or pictures == "silhouette"):
         picture = np.where(mask[..., None], 255, 30).astype(np.uint8).repeat(3, axis=2)
     elif picture is not None and mask is not None and pictures == "both":
-        person = (0.55 * picture + 0.45 * np.array(legend.SILHOUETTE)).astype(np.uint8)
+        person = (0.55 * picture + 0.45 * np.array(SILHOUETTE)).astype(np.uint8)
         picture = np.where(mask[..., None], person, picture // 2)
     if picture is None:
         return None
