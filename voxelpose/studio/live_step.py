@@ -1,39 +1,30 @@
-"""Live in the studio: the session in a process of its own, which is told what to do, its receivers,
-and the way to its page.
-"""
+"""Live in the studio: the session, its receivers, and the way to its page."""
 
 import asyncio
 import secrets
 import time
-from collections.abc import AsyncGenerator, Sequence
-from contextlib import ExitStack
-from dataclasses import asdict
+from collections.abc import AsyncGenerator
 from typing import Annotated, Any
 
 from msgspec import Meta, Struct
 
 from calib.errors import InputError
-from voxelpose.cli.live import Live
 from voxelpose.cli.options import folder_settings
-from voxelpose.live.live_page import Page, controls_of
-from voxelpose.live.senders import Senders, parse_receiver
-from voxelpose.live.session import LiveSession
+from voxelpose.live.senders import parse_receiver
 from voxelpose.recording.folder import calibration_path
 from voxelpose.recording.subject import SETTINGS_FILE
 from voxelpose.setup_page.drawn_places import change_section
 from voxelpose.setup_page.page_requests import Typed
 from voxelpose.studio.command_forms import filled_in, form_of
+from voxelpose.studio.live_job import SEND_TO, follow
 from voxelpose.studio.projects import StudioFolder
 from voxelpose.studio.record_step import RecordStep, SourceNamed
-from voxelpose.view.serving.gate import Address, GateRequest, Reply
+from voxelpose.view.serving.gate import GateRequest, Reply
 from voxelpose.view.serving.page_answers import Name
-from voxelpose.view.serving.page_job import JobReporter, PageJob
+from voxelpose.view.serving.page_job import PageJob
 
 LIVE = "live session"
 """Kind of the job."""
-_SEND_TO = "send to"  # before the receivers, in what is asked of the job
-_LOOK_MS = 100
-_TOLD_EVERY_MS = 400
 _PIECE = 2**16
 _Receivers = Annotated[
     list[Annotated[str, Meta(min_length=1, max_length=500)]], Meta(max_length=20)
@@ -98,7 +89,7 @@ class LiveStep:
     def send_to(self, receivers: _Receivers) -> None:
         """Sends to other receivers. InputError where an address is wrong."""
         self._check_receivers(receivers)
-        self._job.ask(f"{_SEND_TO} {' '.join(receivers)}")
+        self._job.ask(f"{SEND_TO} {' '.join(receivers)}")
 
     async def relay(self, request: GateRequest) -> Reply:
         """What the session's page answers to a request, whose path is as below that page.
@@ -140,63 +131,3 @@ async def _asked(port: int, lines: list[str], body: bytes) -> Reply:
     first, *rest = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").splitlines()
     headers = dict(line.split(": ", 1) for line in rest if line)
     return Reply(first.partition(" ")[2], pieces(), headers.pop("Content-Type"), headers)
-
-
-def follow(reporter: JobReporter, command: Live, title: str, token: str) -> dict[str, Any]:
-    """Runs a session until it is asked to "finish", or to the end of the videos that stand for
-    cameras; returns the number of `frames` and of those that were `dropped`. Its page is served to
-    this machine alone, to who knows the token, at the `port` that it tells. InputError where a
-    user can correct something.
-    """
-    session = command.prepare(reporter)
-    with ExitStack() as parts:
-        parts.callback(session.close)
-        receivers = _Sending(command.send)
-        parts.callback(lambda: receivers.now.close())
-        session.receivers.append(lambda frame: receivers.now.send(frame))
-        address = Address("127.0.0.1", 0, token)
-        cameras, people = session.settings.rig.cameras, session.settings.people
-        page = Page(session, cameras, address, lambda: receivers.now.states, title, people)
-        parts.callback(page.close)
-        session.receivers.append(page.show)
-        reporter.tell(port=page.port)
-        _run(reporter, session, receivers)
-    return {"frames": session.state.frames, "dropped": session.state.dropped}
-
-
-class _Sending:
-    """The receivers of a session, those that there are `now`: they may be exchanged."""
-
-    def __init__(self, addresses: Sequence[str]) -> None:
-        """InputError where an address is wrong."""
-        self.now = Senders(addresses)
-
-    def exchange(self, addresses: Sequence[str]) -> None:
-        """Sends to others from now on. InputError where an address is wrong: the old ones stay."""
-        old, self.now = self.now, Senders(addresses)
-        old.close()
-
-
-def _run(reporter: JobReporter, session: LiveSession, receivers: _Sending) -> None:
-    controls = controls_of(session)
-    reporter.stage("live session")
-    session.start_cameras()
-    if session.state.phase == "no background":
-        session.learn_background()
-    told_s, trouble = 0.0, ""
-    while not session.wait(_LOOK_MS / 1000):
-        asked = reporter.asked()
-        if asked == "finish":
-            return
-        if asked is not None and asked.startswith(_SEND_TO):
-            trouble = ""
-            try:
-                receivers.exchange(asked.removeprefix(_SEND_TO).split())
-            except InputError as error:
-                trouble = str(error)
-        elif asked in controls:
-            controls[asked]()
-        if asked is not None or 1000 * (time.monotonic() - told_s) > _TOLD_EVERY_MS:
-            told_s = time.monotonic()
-            state, links = session.state, [asdict(one) for one in receivers.now.states]
-            reporter.tell(**asdict(state), pace=state.pace, receivers=links, trouble=trouble)
