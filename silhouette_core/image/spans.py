@@ -57,5 +57,6 @@ class Spans:
         runs = np.flatnonzero(edges).reshape(-1, 2)  # where each begins, and where it has ended
         lines, columns = np.divmod(runs, edges.shape[2])
         number, rows = np.divmod(lines[:, 0], edges.shape[1])
-        plain = (one.astype(np.int16) for one in (rows, columns[:, 0], columns[:, 1]))
-        return cls(*plain, np.searchsorted(number, np.arange(len(edges) + 1)))
+        starts, ends = np.ascontiguousarray(columns.T, np.int16)
+        offsets = np.searchsorted(number, np.arange(len(edges) + 1))
+        return cls(rows.astype(np.int16), starts, ends, offsets)

@@ -158,10 +158,8 @@ class BodyHeading:
 
     independence: float = 0.5
     """1. Frames read the same silhouettes: each counts as this fraction of an observation."""
-    turn_deg: float = 9.0  #: Degrees. Turn within 1 / FPS.
     sigma_deg: float = 18.0  #: Degrees. Deviation of a mode's heading.
     expected: float = 2.0  #: 1. Concentration of the heading expected in the first frame.
-    jump: float = 1e-5  #: 1. Weight of any turn, relative to none.
 
 
 @dataclass(frozen=True)

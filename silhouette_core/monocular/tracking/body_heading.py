@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.checks import FloatArray
 from silhouette_core.body.joints import LANDMARK_NAMES, SIDES
 from silhouette_core.monocular.tuning import HEADING
-from silhouette_core.motion.dynamics import FPS
+from silhouette_core.motion.dynamics import FPS, ROOT_STEP_RAD
 
 _HEADINGS = 72
 _STATES_RAD = np.arange(_HEADINGS) * 2 * np.pi / _HEADINGS
@@ -107,7 +107,7 @@ def _observed(heading_rad: FloatArray, probability: FloatArray) -> tuple[FloatAr
 def _turning(interval_s: float) -> NDArray[np.complexfloating]:
     """Spectrum of the density of the turn within an interval."""
     turn, steps = (_STATES_RAD + np.pi) % (2 * np.pi) - np.pi, max(interval_s * FPS, 0.1)
-    moved = np.exp(-0.5 * (turn / np.radians(HEADING.turn_deg)) ** 2 / steps) + HEADING.jump * steps
+    moved = np.exp(-0.5 * (turn / ROOT_STEP_RAD) ** 2 / steps)
     return np.fft.rfft(moved / moved.sum())
 
 
