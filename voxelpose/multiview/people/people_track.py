@@ -3,11 +3,12 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from calib.checks import FloatArray, IntArray
+from calib.checks import BoolArray, FloatArray, IntArray
 from calib.errors import InputError
 from calib.moments import even_moments
 from silhouette_core.image.cleanup import dilated
@@ -26,6 +27,7 @@ from voxelpose.multiview.people.presence import (
     ASKED_HZ,
     HIDDEN_S,
     at_all_times,
+    blind_to_people,
     find_people,
     metre_px,
 )
@@ -101,8 +103,8 @@ def _most_at(prepared: PreparedSilhouettes, steps: IntArray, time_s: float) -> i
         steps: frames that are asked for.
     """
     near = steps[np.abs(prepared.times_s[steps] - time_s) <= HIDDEN_S]
-    seen = [prepared.footage.people_together(t) for t in near.tolist()]
-    known = [count for count in seen if count is not None]
+    counts = [prepared.footage.people_counted(t) for t in near.tolist()]
+    known = [int(count.max()) for count in counts if count is not None]
     return min(MOST_PEOPLE, max(known, default=MOST_PEOPLE)) or 1
 
 
@@ -208,12 +210,19 @@ class PeopleTrack:
         """Observations of each person among others that are seen where `pieces` says."""
         observer, work, resources = self.prepared.observer, self.works[0], self.resources
         each = silhouettes_of(self.prepared.store, pieces, self.places_m, observer.views)
+        each_person = zip(resources.enter_context(each), self._blind, strict=True)
         return [
             resources.enter_context(
-                carved_observations(observer, masks, work.clock, work.reporter, others)
+                carved_observations(
+                    observer, masks, work.clock, work.reporter, blind, other_people=others
+                )
             )
-            for masks, others in resources.enter_context(each)
+            for (masks, others), blind in each_person
         ]
+
+    @cached_property
+    def _blind(self) -> BoolArray:
+        return blind_to_people(self.prepared, self.places_m)
 
     def _hull_pieces_at(self, t: int) -> list[Masks | None]:
         """Where a frame's people and things are seen, by the hull about them."""

@@ -28,6 +28,7 @@ HIDDEN_S = 2
 _REDUCED = 4  # of the images in which it is asked who explains what
 _MOST_AXES = 9  # places in a frame that are asked for
 _MOST_SETS = 40  # of people in a frame, which are compared over time
+_HEIGHTS = 32  # on somebody's axis, at which a pixel tells that the person is seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,19 +159,47 @@ def frames_of_nobody(prepared: PreparedSilhouettes) -> frozenset[int]:
     In none of the cameras as much of a person is seen as makes somebody, see `PEOPLE.needed`.
     """
     footage, least_px = prepared.footage, PEOPLE.needed * PEOPLE.seen_m2
-    if footage.people is None and prepared.background_estimated:
+    if footage.people is None and prepared.estimated.any():
         return frozenset()
     person_px = least_px * metre_px(prepared.observer) ** 2
     empty = (
         number
         for t, number in enumerate(prepared.numbers.tolist())
-        if not footage.people_together(t)
+        if not np.any(footage.people_counted(t))
         and all(
             np.count_nonzero(mask) < area
             for mask, area in zip(prepared.store[t], person_px, strict=True)
         )
     )
     return frozenset(empty)
+
+
+def blind_to_people(prepared: PreparedSilhouettes, places_m: FloatArray) -> BoolArray:
+    """(N, T, C) bool: cameras that tell nothing of each of N people in a frame: as
+    `PreparedSilhouettes.blind_cameras`, or the pose network sees nobody at the person's place.
+
+    Args:
+        places_m: (N, T, 3) float64, about where each is; NaN: not there.
+    """
+    blind = np.repeat(prepared.blind_cameras()[None], len(places_m), axis=0)
+    volume, cameras = prepared.observer.volume, prepared.observer.views.rig.cameras
+    heights_m = volume.origin_m[2] + np.linspace(0, volume.size_m[2], _HEIGHTS)
+    for t in range(blind.shape[1] if prepared.footage.people is not None else 0):
+        masks = prepared.footage.people_masks(t)
+        for person, place_m in enumerate(places_m[:, t]):
+            axis_m = np.column_stack([np.tile(place_m[:2], (_HEIGHTS, 1)), heights_m])
+            for c in np.flatnonzero(prepared.estimated).tolist():
+                shows = any(_covers(mask, cameras[c].project(axis_m)[0]) for mask in masks[c])
+                blind[person, t, c] |= not shows
+    return blind
+
+
+def _covers(mask: BoolArray, pixels: FloatArray) -> bool:
+    """Whether a mask (h, w) has one of some pixels (n, 2), which may be NaN."""
+    with np.errstate(invalid="ignore"):
+        inside = ((pixels >= 0) & (pixels <= np.array(mask.shape[::-1]) - 1)).all(axis=1)
+    column, row = np.rint(pixels[inside]).astype(int).T
+    return bool(mask[row, column].any())
 
 
 def _reduced(mask: BoolArray, size: tuple[int, int]) -> BoolArray:

@@ -30,8 +30,9 @@ def carved_observations(
     masks: MaskStore,
     clock: StageClock,
     reporter: Reporter,
-    other_people: "OtherPeople | None" = None,
+    blind: BoolArray,
     seen: JointsOf | None = None,
+    other_people: "OtherPeople | None" = None,
 ) -> "Iterator[ObservationStore]":
     """Observations of all frames, whose hulls are carved, for a `with` block.
 
@@ -40,10 +41,11 @@ def carved_observations(
         masks: the raw silhouettes.
         clock: told the durations.
         reporter: told the progress.
-        other_people: what is known of others beside the body; None: there are none.
+        blind: (T, C) bool, cameras that tell nothing of the body in a frame.
         seen: joints that the pose network sees; None: it is not asked.
+        other_people: what is known of others beside the body; None: there are none.
     """
-    with closing(ObservationStore(observer, masks, other_people, seen)) as observations:
+    with closing(ObservationStore(observer, masks, blind, seen, other_people)) as observations:
         reporter.stage("hulls", len(masks))
         for first in range(0, len(masks), _TOGETHER):
             together = range(first, min(first + _TOGETHER, len(masks)))
@@ -71,20 +73,24 @@ class ObservationStore:
     Args:
         observer: finds the body in a frame.
         masks: the raw silhouettes.
-        others: what is known of other people; None: there are none.
+        blind: (T, C) bool, cameras that tell nothing of the body in a frame; None: none do.
         seen: joints that the pose network sees; None: it is not asked.
+        others: what is known of other people; None: there are none.
     """
 
     def __init__(
         self,
         observer: HullObserver,
         masks: MaskStore,
-        others: OtherPeople | None = None,
+        blind: BoolArray | None = None,
         seen: JointsOf | None = None,
+        others: OtherPeople | None = None,
     ):
         """Creates the scratch file; `close` or the end of the process removes it."""
         self.observer, self._seen = observer, seen
         self._masks, self._others = masks, others
+        nowhere = np.zeros((len(masks), len(observer.views.rig)), np.bool_)
+        self._blind = nowhere if blind is None else blind
         self._components = np.full((len(masks), 2), _NOWHERE)  # begin and number
         self._hulls = np.full((len(masks), 3), _NOWHERE)  # component, begin and bytes
         self._other_hulls: dict[tuple[int, int], tuple[int, int]] = {}  # rarely any
@@ -110,8 +116,9 @@ class ObservationStore:
 
     @property
     def hidden(self) -> np.ndarray:
-        """(T,) float64, share of the person that others may hide."""
-        return np.zeros(len(self)) if self._others is None else self._others.hidden
+        """(T,) float64, share of the person that others may hide, or that cameras do not show."""
+        unseen = self._blind.mean(axis=1)
+        return unseen if self._others is None else np.maximum(unseen, self._others.hidden)
 
     def joints(self, t: int) -> dict[int, SeenJoints]:
         """Joints that the pose network sees in a frame, by the camera's number."""
@@ -153,8 +160,9 @@ class ObservationStore:
         return self._observer(t).select(masks, occupancy, grid, near_m)
 
     def masks(self, t: int) -> list[np.ndarray]:
-        """Raw silhouettes (h, w) bool of frame `t`, one per camera."""
-        return self._masks[t]
+        """Raw silhouettes (h, w) bool of frame `t`, one per camera; empty in blind ones."""
+        pairs = zip(self._masks[t], self._blind[t], strict=True)
+        return [np.zeros_like(mask) if blind else mask for mask, blind in pairs]
 
     def close(self) -> None:
         """Removes the scratch file."""
@@ -166,15 +174,20 @@ class ObservationStore:
 
     def _observer(self, t: int) -> HullObserver:
         """Of the hull of a frame."""
-        if self._others is None:
+        blind = self._blind[t]
+        if self._others is not None:
+            hidden = self._others.unknown[t]
+        elif blind.any():
+            hidden = [np.zeros(camera.size[::-1], np.bool_) for camera in self.observer.views.rig]
+        else:
             return self.observer
-        return self.observer.with_unknown(self._others.unknown[t])
+        return self.observer.with_unknown([a | b for a, b in zip(hidden, blind, strict=True)])
 
     def _components_of(self, t: int) -> np.ndarray:
         """Components of a frame's hull, found once; none where the person is not there."""
         start, count = self._components[t].tolist()
         if start == _NOWHERE:
-            components = self._observer(t).components(self._masks[t])
+            components = self._observer(t).components(self.masks(t))
             if self._others is not None and np.isnan(self._others.places_m[t]).any():
                 components = components[:0]
             self._components[t] = self._file.append(components.tobytes()), len(components)
@@ -183,7 +196,7 @@ class ObservationStore:
 
     def _keep_hull(self, t: int, body: int, components: np.ndarray) -> None:
         grid = self.observer.window(components, body)
-        masks, occupancy = self._observer(t).carve(self._masks[t], grid)
+        masks, occupancy = self._observer(t).carve(self.masks(t), grid)
         bits = np.packbits(np.concatenate([a.ravel() for a in (*masks, occupancy)]))
         record = _BOX.pack(*grid.origin_m, *grid.shape) + zlib.compress(bits.tobytes(), 1)
         where = self._file.append(record), len(record)

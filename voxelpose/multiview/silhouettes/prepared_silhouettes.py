@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.camera import Rig
-from calib.checks import BoolArray, FloatArray
+from calib.checks import BoolArray, FloatArray, IntArray
 from calib.moments import even_moments
 from calib.upright import UprightFrame
 from silhouette_core.estimator import Frame, FrameSource, Settings
@@ -82,14 +82,12 @@ class Footage:
             frame_masks.append([lens.undistort(mask) for mask in masks])
         return frame_masks
 
-    def people_together(self, t: int) -> int | None:
-        """How many people the network sees together in a frame, in the camera that shows most of
-        them; None: it is not asked.
-        """
+    def people_counted(self, t: int) -> IntArray | None:
+        """Number of people in a frame (C,) whom the network sees; None: it is not asked."""
         if self.people is None:
             return None
         pairs = zip(self.source.rig.names, self.late, strict=True)
-        return max(self.people.count(name, t + late) for name, late in pairs)
+        return np.array([self.people.count(name, t + late) for name, late in pairs])
 
     def silhouettes(self) -> Silhouettes:
         """The background."""
@@ -110,7 +108,20 @@ class PreparedSilhouettes:
     facts: dict[str, object]  #: what was found, for the summary.
     settings: PreparationSettings  #: by which they were prepared.
     footage: Footage  #: from which.
-    background_estimated: bool  #: whether that of a camera is estimated from the recording.
+    estimated: BoolArray  #: (C,) whether the background is estimated from the recording.
+
+    def blind_cameras(self) -> BoolArray:
+        """(T, C) bool: cameras that tell nothing of a frame: a late one has no picture of it, or
+        the pose network sees nobody where others see somebody. Who stands still is part of a
+        background that is estimated from the recording.
+        """
+        steps = np.arange(len(self.store))[:, None] + self.footage.late
+        blind = (steps < 0) | (steps >= len(self.store))
+        counts = [self.footage.people_counted(t) for t in range(len(self.store))]
+        for row, count in zip(blind, counts, strict=True):
+            if count is not None and np.count_nonzero(count) >= LEAST_CAMERAS:
+                row |= self.estimated & (count == 0)
+        return blind
 
     @contextmanager
     def without(self, hidden: Sequence[np.ndarray]) -> "Iterator[PreparedSilhouettes]":
@@ -188,7 +199,7 @@ def prepare_silhouettes(
             facts,
             preparation,
             Footage(source, settings, lenses, checked.late_frames, people),
-            bool(silhouettes.without_background),
+            np.isin(source.rig.names, silhouettes.without_background),
         )
 
 

@@ -265,6 +265,7 @@ class OnePerson:
             prepared.store,
             self.work.clock,
             self.work.reporter,
-            seen=prepared.footage.joints,
+            prepared.blind_cameras(),
+            prepared.footage.joints,
         )
         return self.resources.enter_context(carved)

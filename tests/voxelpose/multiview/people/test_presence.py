@@ -1,6 +1,6 @@
 """How many people there are, and where, by their hull."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import cv2
@@ -23,6 +23,7 @@ from voxelpose.multiview.people.presence import (
     PeopleSets,
     PresenceSearch,
     at_all_times,
+    blind_to_people,
     find_people,
     frames_of_nobody,
     join_tracks,
@@ -228,13 +229,13 @@ class Prepared:
     observer: HullObserver
     store: list
     network: int | None = None
-    background_estimated: bool = False
+    estimated: np.ndarray = field(default_factory=lambda: np.zeros(4, bool))
 
     numbers = np.array([10, 11, 12])
 
     @property
     def footage(self):
-        return SimpleNamespace(people=self.network, people_together=lambda t: self.network)
+        return SimpleNamespace(people=self.network, people_counted=lambda t: self.network)
 
 
 def test_frames_in_which_nobody_is_seen_are_told():
@@ -251,6 +252,27 @@ def test_frames_in_which_nobody_is_seen_are_told():
     # Silhouettes miss somebody whom the network sees,
     assert frames_of_nobody(replace(prepared, network=1)) == frozenset()
     # and who stands still is part of a background that is estimated, but for the network.
-    unsure = replace(prepared, background_estimated=True)
+    unsure = replace(prepared, estimated=np.ones(4, bool))
     assert frames_of_nobody(unsure) == frozenset()
     assert frames_of_nobody(replace(unsure, network=0)) == {10}
+
+
+def test_a_camera_whose_network_misses_somebody_who_stands_still_tells_nothing():
+    seen_by, body = views(4), fitting_model()
+    left, right = (photograph(seen_by, body, stance(body, {}, (x, 0.0))) for x in (-0.6, 0.6))
+    masks = [[a, b] for a, b in zip(left, right, strict=True)]
+    masks[2] = [right[2]]
+    footage = SimpleNamespace(people=True, people_masks=lambda t: masks)
+    estimated = np.array([True, True, True, False])
+    late = np.array([[False, False, False, True]])
+    prepared = SimpleNamespace(
+        footage=footage, observer=observer(seen_by), estimated=estimated, blind_cameras=lambda: late
+    )
+    places_m = np.array([[[-0.6, 0.0, 0.9]], [[0.6, 0.0, 0.9]]])
+    blind = blind_to_people(prepared, places_m)
+    assert blind.tolist() == [[[False, False, True, True]], [[False, False, False, True]]]
+    masks[3] = []  # what an empty view shows counts
+    late[:] = False
+    assert not blind_to_people(prepared, places_m)[:, 0, 3].any()
+    footage.people = None
+    assert not blind_to_people(prepared, places_m).any()

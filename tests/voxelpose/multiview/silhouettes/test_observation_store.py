@@ -2,6 +2,7 @@
 
 import tracemalloc
 from contextlib import closing, nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from voxelpose.multiview.matching.matcher import MatchSettings
 from voxelpose.multiview.proposers.pose_search import BodyGeometry
 from voxelpose.multiview.silhouettes.mask_store import MaskStore
 from voxelpose.multiview.silhouettes.observation_store import ObservationStore
+from voxelpose.multiview.silhouettes.prepared_silhouettes import PreparedSilhouettes
 from voxelpose.multiview.tracking.tracking import PoseTracker
 
 VOXEL_M = 0.04
@@ -89,6 +91,34 @@ def test_what_is_stored_is_what_is_observed(observer, frames, store):
                 getattr(given.observation, name), getattr(expected.observation, name), strict=True
             ):
                 np.testing.assert_array_equal(a, b)
+
+
+def test_a_blind_camera_takes_nothing_away(observer, frames, masks):
+    masks.put(0, [np.zeros_like(frames[0][0]), *frames[0][1:]])
+    with closing(ObservationStore(observer, masks)) as store:
+        assert store.observe(0) is None
+    blind = np.zeros((len(frames), 4), bool)
+    blind[0, 0] = True
+    with closing(ObservationStore(observer, masks, blind)) as store:
+        seen, whole = store.observe(0), observer.observe(frames[0])
+        assert store.hidden.tolist() == [0.25, 0, 0]
+    assert seen.views.unknown[0].all() and not any(mask.any() for mask in seen.views.unknown[1:])
+    assert seen.occupancy.sum() > 0.8 * whole.occupancy.sum()
+    masks.put(0, [frames[1][0], *frames[0][1:]])  # what it shows belongs to another moment
+    with closing(ObservationStore(observer, masks, blind)) as store:
+        assert not store.observe(0).masks[0].any()
+
+
+def test_late_cameras_and_those_that_miss_somebody_are_blind():
+    counts = np.array([[1, 1, 1], [1, 0, 0], [1, 1, 0], [0, 1, 1]])
+    footage = SimpleNamespace(late=[0, 1, 0], people_counted=lambda t: counts[t])
+    estimated = np.array([True, True, False])
+    prepared = SimpleNamespace(store=range(4), footage=footage, estimated=estimated)
+    blind = PreparedSilhouettes.blind_cameras(prepared)
+    # Of two cameras in frame 1 one is not enough; the third has an empty view.
+    assert np.argwhere(blind).tolist() == [[3, 0], [3, 1]]
+    footage.people_counted, footage.late = lambda t: None, [0, -2, 0]
+    assert np.argwhere(PreparedSilhouettes.blind_cameras(prepared)).tolist() == [[0, 1], [1, 1]]
 
 
 def test_each_body_of_a_frame_is_carved_once(store, carved):
