@@ -18,11 +18,6 @@ class Background:
     """Logarithm of a density. The paper's first threshold; the paper gives no value: by eye."""
     raw_difference: float = 90.0  #: Grey levels. The paper's second threshold, likewise.
 
-    @property
-    def apart(self) -> float:
-        """Grey levels. Mean difference that noise makes of a colour, summed over the channels."""
-        return 3 * math.sqrt(2 / math.pi) * self.noise
-
 
 @dataclass(frozen=True)
 class Foreground:
@@ -35,14 +30,15 @@ class Foreground:
     pooled: float = 3.0
     """Noise. Limit of the pooled difference of brightness where clothes or a shadow may be."""
     possible: float = 1.2
-    """Noise. Limit of the pooled chromatic residual where clothes may resemble the background, and
-    of what light explains: in seed 322, 99 % of the missing pixels exceed it, and 1 % of those
-    outside."""
+    """Noise. Limit of the pooled chromatic residual where clothes may resemble the background: in
+    seed 322, 99 % of the missing pixels exceed it, and 1 % of those outside."""
     chroma_pixel: float = 6.0  #: Noise. Limit of a single pixel's chromatic residual.
     shadow: float = 0.5
     """1. Darkest cast shadow over the background's brightness, where it is not measured."""
+    contrast: float = 10.0  #: Grey levels. Edges between colours closer than this are not moved.
     area: float = 3e-4  #: 1. Of the image: smaller components, or holes in colours, are removed.
     body_share: float = 0.01  #: 1. Of the largest component: smaller ones are removed.
+    hole: float = 4e-5  #: 1. Of the image: holes up to this are filled.
     empty_share: float = 0.8  #: 1. Quantile of a frame's differences that a person does not reach.
     beyond: float = 2.0  #: 1. Multiple of that quantile from which a difference is not noise.
     usual_chroma: float = 0.7  #: Noise. Pooled chromatic residual of an empty scene.
@@ -55,7 +51,11 @@ class CastShadow:
     By eye. As a whole: `python -m benchmarks.completed`.
     """
 
+    chroma: float = 1.0  #: Noise. Largest pooled chromatic residual of what light explains.
+    brightness: float = 5.0  #: Noise. Least difference of its brightness.
+    margin: float = 0.1  #: 1. Darkest shadow below the peak of the ratios of brightness.
     core: float = 0.05  #: 1. Share of the pixels that may be the core of a soft shadow.
+    core_margin: float = 0.03  #: 1. Darkest shadow below the core's ratio.
     range: tuple[float, float] = (0.25, 0.65)
     """1. Ratios: below the first nothing is a cast shadow, and the darkest, however soft, does not
     exceed the second."""
@@ -81,12 +81,21 @@ class EmptyScene:
     `python -m benchmarks.footage` and `python -m benchmarks.without_empty_view`.
     """
 
+    side_px: int = 200
+    """px. Shorter side of the pictures that are labelled: costs of areas and edges depend on it."""
     changed: float = 6.0  #: Noise. Radius of a mode: differences summed over the channels.
+    least_noise: float = 2.0  #: Grey levels. Least noise, summed over the channels.
     hidden: float = 0.15
     """1. Cost of a background that no frame shows, at a pixel; a moving step costs 1."""
     unseen: float = 0.6  #: 1. Of that: cost of a pixel whose background is taken to be unknown.
     border: float = 0.5  #: 1. Cost of the border of such a region, at a pixel.
+    still: float = 0.05  #: 1. Cost of a step between colours that does not move.
+    piece: float = 0.05
+    """1. Of the largest piece that differs from the background in a frame: least of the others."""
+    always: float = 4.0
+    """1. Power of the share of frames in which somebody is before a pixel, by which that counts."""
     least_sigma: float = 4.0  #: Grey levels. Least deviation: what is left of exposure, and lights.
+    guess: float = 6.0  #: Grey levels. Standard deviation of a continued colour.
 
 
 @dataclass(frozen=True)
@@ -111,10 +120,16 @@ class Backdrop:
 class Cut:
     """A frame cut into person and background (`image.cut`). By eye, as `EmptyScene`."""
 
-    side_px: int = 240
-    """px. Shorter side of the pictures that are cut, whose edges are then sharpened, and of those
-    that tell the empty scene: costs of areas and edges depend on it."""
+    side_px: int = 240  #: px. Shorter side of the pictures that are cut; edges are then sharpened.
     link: float = 3.0  #: Nats. Cost of neighbours that differ, without contrast.
+    least_link: float = 0.45  #: Nats. The same, over the sharpest edge.
+    least_contrast: float = 4.0
+    """Grey levels. Usual contrast of neighbours, summed over the channels, at least."""
+    beside: float = 3.0
+    """Nats. Most that anything but colours says of a pixel: that nobody saw its background, when
+    colours are first learned."""
+    typical: float = 0.25
+    """1. Of the scene's density of a colour, from which the person's makes it one of clothes."""
     worn: float = 0.03
     """1. Weight of what speaks for the background in colours that the person has, too."""
     alike: float = 0.03
@@ -140,6 +155,9 @@ class Colours:
     any_share: float = 0.01  #: 1. Of the pixels of a person, or of a head, have any colour.
     own_share: float = 0.95  #: 1. Of the person's pixels have a colour that counts as the person's.
     most_odds: float = 5.0  #: Nats. Largest logarithm of a single pixel's odds.
+    lit: float = 0.85
+    """1. How often a pixel of the background is lit as it was; else it lies in a shadow."""
+    otherwise: float = 1e-3  #: 1. How often it has any colour.
     dark: float = 8.0
     """Grey levels. Added to brightness, since noise of dark clothes is not their shading."""
     shading: float = 1.0  #: Nats. Largest shading that is told.

@@ -55,8 +55,7 @@ def only_darker(view: FrameView, bright: Float32Array, noise: float) -> BoolArra
         bright: (H, W), of `pooled_brightness`.
         noise: ratio of the frame's noise to the model's.
     """
-    without_tint = pooled_chroma(view, noise) <= FOREGROUND.possible
-    return without_tint & (bright < -FOREGROUND.pooled * noise)
+    return (pooled_chroma(view, noise) <= SHADOW.chroma) & (bright < -SHADOW.brightness * noise)
 
 
 def rising_shades(darkest: float) -> Float32Array:
@@ -76,6 +75,12 @@ def darkest_shadow(counts: IntArray) -> float | None:
     """
     if counts.sum() < _PIXELS:
         return None
-    # The penumbra of a soft shadow is bright, its core is darker.
-    core = int(np.searchsorted(np.cumsum(counts), SHADOW.core * counts.sum()))
-    return min(float(_edges()[max(core - 1, 0)]), SHADOW.range[1])
+    edges = _edges()
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    peak = middles[np.convolve(counts, np.ones(3), "same").argmax()]
+    # The penumbra of a soft shadow has the peak, its core is darker.
+    core = middles[np.searchsorted(np.cumsum(counts), SHADOW.core * counts.sum())]
+    usual, below = FOREGROUND.shadow, peak - SHADOW.margin
+    if below < usual:
+        return max(SHADOW.range[0], float(below))
+    return float(np.clip(min(below, core - SHADOW.core_margin), usual, SHADOW.range[1]))

@@ -21,7 +21,7 @@ from silhouette_core.image.grey import texture_evidence
 from silhouette_core.image.kernels import cut as kernels
 from silhouette_core.image.kernels import foreground
 from silhouette_core.image.person_colours import SHIFT, PersonColours, even_colours, without_tint
-from silhouette_core.tuning import BACKGROUND, COLOURS, CUT
+from silhouette_core.tuning import COLOURS, CUT
 
 _ROUNDS = 6  # sweeps of the messages from each side
 _LEARNED = 3  # times that the colours are learned and the samples cut
@@ -75,7 +75,8 @@ class SceneColours:
         even = even_colours(reduced)
         colours = replace(self, person=np.log(even), others=even)
         # Somebody is mostly before what was never seen: so begins what is known of clothes.
-        occupied = [~reduced.known & (colours._odds(one) > -COLOURS.most_odds) for one in small]
+        guess = replace(colours, others=even * COLOURS.otherwise)
+        occupied = [~reduced.known & (guess._odds(frame) > -CUT.beside) for frame in small]
         if evidence is not None:
             occupied = [odds > 0 for odds in evidence]
         for turn in range(_LEARNED):
@@ -86,7 +87,7 @@ class SceneColours:
             density = person.density()
             if density is None:
                 break
-            typical = density > np.maximum(np.log(others), person.least(density))
+            typical = density > np.maximum(np.log(CUT.typical * others), person.least(density))
             worn = np.where(typical & (not filmed), CUT.worn, 1).astype(np.float32)
             colours = replace(self, person=density, worn=worn)
         if not reduced.grey:
@@ -116,8 +117,8 @@ class SceneColours:
         back, odds = self.background, self._odds(frame, evidence, noise)
         links = np.empty((2, *odds.shape), np.float32)
         kernels.contrast(frame, back.mean, back.known, links)
-        scale = 2 * max(float(links.mean()), np.sqrt(2) * BACKGROUND.apart)
-        links = (CUT.link * np.exp(-links / scale)).astype(np.float32)
+        scale = 2 * max(float(links.mean()), CUT.least_contrast)
+        links = (CUT.link * np.exp(-links / scale) + CUT.least_link).astype(np.float32)
         return least_cut(odds, links)
 
     def odds(self, frame: ByteArray, evidence: Float32Array | None = None) -> Float32Array:

@@ -13,7 +13,8 @@ together, so that
 5. before a uniform backdrop (`image.backdrop`) it is the backdrop's colour, or was never seen.
 
 The hulls come from labels that are first chosen without them. All frames are given the same
-exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea).
+exposure. The colours around what was never seen are continued into it (`cv2.inpaint`, Telea), with
+the noise of a guess.
 
 This project's extension of Okada and Stenger's section 5.1. Background estimation as a labelling
 problem: Cohen (ICCV 2005), with another cost of steps.
@@ -29,10 +30,9 @@ from numpy.typing import NDArray
 from calib.checks import BoolArray, ByteArray, Float32Array
 from silhouette_core.image.backdrop import backdrop_of, only_shaded, tolerance
 from silhouette_core.image.cleanup import clean, opened
-from silhouette_core.image.cut import cut_size
 from silhouette_core.image.exposure import Aligner
 from silhouette_core.image.kernels import backgrounds as kernels
-from silhouette_core.tuning import BACKGROUND, FOREGROUND, SCENE
+from silhouette_core.tuning import SCENE
 
 Kind = Literal["auto", "uniform", "moving"]
 """What an empty scene is taken from, see `silhouette_core.estimator.BackgroundKind`."""
@@ -55,9 +55,8 @@ class EmptyScene:
         cls, stack: ByteArray, people: BoolArray | None = None, kind: Kind = "auto"
     ) -> "EmptyScene":
         """Estimate from frames (T, H, W, 3) uint8, BGR, spread over a recording, T at most 64;
-        where they are known to show people, (T, h, w) of `cut_size`, they do not show the scene. A
-        uniform backdrop is looked for (`auto`), is there in any case (`uniform`), or is not looked
-        for.
+        where they are known to show people, (T, H, W), they do not show the scene. A uniform
+        backdrop is looked for (`auto`), is there in any case (`uniform`), or is not looked for.
         """
         stack = stack[:64]
         median = np.empty(stack.shape[1:], np.float32)
@@ -65,7 +64,8 @@ class EmptyScene:
         aligner = Aligner(median)
         frames = np.stack([aligner.aligned(frame) for frame in stack])
         height, width = stack.shape[1:3]
-        size = cut_size((width, height))
+        factor = min(1.0, SCENE.side_px / min(height, width))
+        size = max(round(width * factor), 1), max(round(height * factor), 1)
         small = [cv2.resize(frame, size, interpolation=cv2.INTER_AREA) for frame in frames]
         rows, columns = np.arange(height) * size[1] // height, np.arange(width) * size[0] // width
         samples, hidden = np.stack(small).astype(np.float32), np.zeros(size[::-1], np.uint64)
@@ -80,6 +80,7 @@ class EmptyScene:
         mean[unseen] = cv2.inpaint(
             np.rint(mean.clip(0, 255)).astype(np.uint8), unseen.view(np.uint8), 5, cv2.INPAINT_TELEA
         )[unseen]
+        variance[unseen] = SCENE.guess**2
         if backdrop is not None:
             field = np.asarray(cv2.resize(backdrop[0], (width, height)), np.float32)
             shaded = unseen & only_shaded(median, field, radius)
@@ -90,15 +91,17 @@ class EmptyScene:
 def _without_people(
     samples: Float32Array, people: BoolArray
 ) -> tuple[Float32Array, NDArray[np.uint64]]:
-    """Samples (T, h, w, 3) with the median of a pixel's others where they show people (T, h, w);
+    """Samples (T, h, w, 3) with the median of a pixel's others where they show people (T, H, W);
     and when each shows people, (h, w), bit t at moment t.
     """
-    scene = np.ma.median(np.ma.array(samples, mask=np.repeat(people[..., None], 3, 3)), axis=0)
+    size, masks = samples.shape[2:0:-1], people.astype(np.float32)
+    small = np.stack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in masks]) > 0
+    scene = np.ma.median(np.ma.array(samples, mask=np.repeat(small[..., None], 3, 3)), axis=0)
     known = ~np.ma.getmaskarray(scene)
     bits = np.uint64(1) << np.arange(len(samples), dtype=np.uint64)
-    hidden = np.bitwise_or.reduce(np.where(people, bits[:, None, None], np.uint64(0)), axis=0)
+    hidden = np.bitwise_or.reduce(np.where(small, bits[:, None, None], np.uint64(0)), axis=0)
     filled = samples.copy()
-    np.copyto(filled, np.ma.getdata(scene), where=people[..., None] & known)
+    np.copyto(filled, np.ma.getdata(scene), where=small[..., None] & known)
     return filled, hidden
 
 
@@ -106,7 +109,7 @@ def _radius(samples: Float32Array) -> float:
     """Difference from noise on of samples (T, h, w, 3), summed over the channels, grey levels."""
     median = np.median(samples, axis=0)
     usual = [float(np.median(np.abs(frame - median).sum(axis=2))) for frame in samples]
-    return SCENE.changed * max(float(np.median(usual)), BACKGROUND.apart)
+    return SCENE.changed * max(float(np.median(usual)), SCENE.least_noise)
 
 
 def _background_frames(
@@ -125,7 +128,8 @@ def _background_frames(
     costs = np.full((height, width, _MODES + 1), SCENE.hidden * SCENE.unseen, np.float32)
     costs[..., :-1] = np.where(share > 0, SCENE.hidden * (1 - share), np.inf)
     right, down = (np.zeros((height, width, _MODES + 1, _MODES + 1), np.float32) for _ in range(2))
-    kernels.step_costs(mean, share, np.float32(radius), np.float32(SCENE.border), right, down)
+    still, border = np.float32(SCENE.still), np.float32(SCENE.border)
+    kernels.step_costs(mean, share, np.float32(radius), still, border, right, down)
     frames = np.append(moments, np.zeros((pixels, 1), np.uint64), axis=1)
     labels = np.empty((height, width), np.int64)
 
@@ -159,13 +163,13 @@ def _hidden(
     hidden = np.zeros(moments.shape, np.float32)
     for frame in np.arange(count, dtype=np.uint64):
         differs = ((background >> frame) & np.uint64(1) == 0) & (background > 0)
-        pieces = clean(opened(differs, 3), min_share=FOREGROUND.body_share)
+        pieces = clean(opened(differs, 3), min_share=SCENE.piece)
         hull = np.zeros(pieces.shape, np.uint8)
         if pieces.any():
             cv2.fillConvexPoly(hull, cv2.convexHull(np.argwhere(pieces)[:, ::-1]), 1)
         always += hull / count
         hidden += ((moments >> frame) & np.uint64(1)) * hull[..., None] / np.float32(count)
-    return hidden * always[..., None]
+    return np.asarray(hidden * (always**SCENE.always)[..., None], np.float32)
 
 
 def _moments(frames: ByteArray, moments: NDArray[np.uint64]) -> tuple[Float32Array, Float32Array]:

@@ -125,7 +125,7 @@ def segmented(
     """
     everywhere = np.zeros(background.mean.shape[:2], np.bool_)
     inside = (slice(0, None), slice(0, None)) if window is None else window
-    mask = _clean(cut, None if region is None else region[inside], background)
+    mask = _clean(cut, None if region is None else region[inside], everywhere.size)
     if not mask.any():
         return everywhere
     box = bounding_box(mask, margin=8 * background.radius)
@@ -135,7 +135,7 @@ def segmented(
     )
     view = FrameView.of(frame[box], background.part((rows, columns)))
     within = None if region is None else region[rows, columns]
-    everywhere[rows, columns] = _clean(_sharpen(view, mask[box]), within, background)
+    everywhere[rows, columns] = _clean(_sharpen(view, mask[box]), within, everywhere.size)
     return everywhere
 
 
@@ -147,15 +147,14 @@ def _sharpen(view: FrameView, mask: BoolArray) -> BoolArray:
     inside, outside = ~grown(~mask, gap), ~grown(mask, gap)
     moved = mask.copy()
     planes, mean, edge = view.planes, view.background.planes, near & ~shrunk
+    contrast = np.float32(FOREGROUND.contrast)
     light = np.float32(0.2), np.float32(2)  # largest effects of shadows and of reflections
-    kernels.sharpen(planes, mean, light, edge, inside, outside, 2 * radius, moved)
+    kernels.sharpen(planes, mean, light, edge, inside, outside, 2 * radius, contrast, moved)
     return moved
 
 
-def _clean(mask: BoolArray, region: BoolArray | None, background: Background) -> BoolArray:
-    """Mask (H, W) without the components that are small for a background's image, and holes that
-    are smaller than the disc over which residuals are pooled.
-    """
-    area, share = round(FOREGROUND.area * background.known.size), FOREGROUND.body_share
-    hole = round(np.pi * background.radius**2)
+def _clean(mask: BoolArray, region: BoolArray | None, pixels: int) -> BoolArray:
+    """Mask (H, W) without the components and holes that are small for an image of `pixels`."""
+    area, hole = round(FOREGROUND.area * pixels), round(FOREGROUND.hole * pixels)
+    share = FOREGROUND.body_share
     return clean(mask, min_area_px=area, min_share=share, max_hole_px=hole, region=region)

@@ -51,7 +51,7 @@ def colour_modes(rng):
 def step_costs(rng):
     mean = rng.choice([40.0, 60.0, 120.0, 200.0], (5, 6, 3, 1)) + rng.normal(0, 3, (5, 6, 3, 3))
     share = rng.choice([0, 0.3, 0.6], mean.shape[:3]).astype(np.float32)
-    limits = np.float32(15), np.float32(0.4)
+    limits = np.float32(15), np.float32(0.1), np.float32(0.4)
     filled = np.zeros((5, 6, 4, 4), np.float32), np.zeros((5, 6, 4, 4), np.float32)
     return Example((mean.astype(np.float32), share, *limits, *filled), rtol=1e-4)
 
@@ -121,7 +121,7 @@ def sharpen(rng):
     mean = rng.uniform(20, 240, (3, *SIZE)).astype(np.float32)
     light = np.float32(0.2), np.float32(2)
     regions = around, mask & ~around, ~around  # what is inside is not outside
-    return Example((planes, mean, light, *regions, 4, mask.copy()))
+    return Example((planes, mean, light, *regions, 4, np.float32(10), mask.copy()))
 
 
 def mesh(rng, *poses):

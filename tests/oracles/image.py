@@ -40,7 +40,7 @@ def colour_modes(samples, radius, mean, share, shown):
             left &= ~members
 
 
-def step_costs(mean, share, radius, border, right, down):
+def step_costs(mean, share, radius, still, border, right, down):
     """Steps between the colours of modes, dear where one pixel shows the other's at other times."""
     modes = share.shape[2]
 
@@ -63,7 +63,7 @@ def step_costs(mean, share, radius, border, right, down):
                     apart = np.abs(colours[0] - colours[1]).sum()
                     moves = shows(first, a, colours[1]) or shows(second, b, colours[0])
                     step = np.clip((apart / radius - 1) / 2, 0, 1)
-                    table[a, b] = step * moves
+                    table[a, b] = step * (1 if moves else still)
             costs[first] = table
 
 
@@ -161,13 +161,13 @@ def log_odds(
     shaded = across * np.exp(-0.5 * uneven) * shade * (ratio < 1) / length
     table, others, worn = densities
     any_share = np.where(known, CUT.otherwise, 1) * others[tuple(frame >> shift)]
-    background = 0.935 * lit + shaded + any_share
+    background = 0.85 * lit + shaded + any_share
     person = table[tuple(frame >> shift)]
     odds = np.clip(person - np.log(background), -COLOURS.most_odds, COLOURS.most_odds)
     out[:] = np.where(odds < 0, odds * worn[tuple(frame >> shift)], odds)
 
 
-def sharpen(planes, mean, light, band, inside, outside, reach, mask):
+def sharpen(planes, mean, light, band, inside, outside, reach, least_contrast, mask):
     """Pixels more than half of whose colour is the person's, along the line between the means."""
     frame, mean = (image.transpose(1, 2, 0) for image in (planes, mean))
     stride = max(1, reach // 4)
@@ -182,7 +182,8 @@ def sharpen(planes, mean, light, band, inside, outside, reach, mask):
         ratio = frame[window][outer].sum(axis=0) / mean[window][outer].sum(axis=0)
         background = mean[row, column] * np.clip(ratio, *light)
         step = frame[window][inner].mean(axis=0) - background
-        mask[row, column] = (frame[row, column] - background) @ step > 0.5 * step @ step
+        if step @ step > least_contrast**2:
+            mask[row, column] = (frame[row, column] - background) @ step > 0.5 * step @ step
 
 
 def draw(vertices, faces, face_part, matrix, near, cull, parts, depth):

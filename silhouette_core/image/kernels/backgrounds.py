@@ -55,7 +55,7 @@ def colour_modes(samples, radius, mean, share, members_of):
 
 
 @kernel
-def step_costs(mean, share, radius, border, right, down):
+def step_costs(mean, share, radius, still, border, right, down):
     """Fills the costs of labels of neighbours: numbers of their modes, or K where the background
     was never seen.
 
@@ -63,7 +63,7 @@ def step_costs(mean, share, radius, border, right, down):
     K + 1) float32, by the labels of a pixel and of its neighbour. A step between two colours costs
     half of what it is larger than the radius, in radii, and up to 1, if it moves: if one of the two
     pixels shows, at other times, what the other one is labelled with. The edge of something in
-    motion does. Seen beside never seen costs `border`.
+    motion does. Of others it costs the fraction `still`. Seen beside never seen costs `border`.
     """
     height, width, modes = share.shape
     for row in range(height):
@@ -84,12 +84,12 @@ def step_costs(mean, share, radius, border, right, down):
                         apart = _apart(mean[row, column, a], mean[y, x, b])
                         if apart <= radius:
                             continue
+                        beyond = apart / radius - np.float32(1.0)
+                        cost = min(beyond * np.float32(0.5), np.float32(1.0))
                         first, second = mean[row, column], mean[y, x]
-                        if _shows(first, share[row, column], a, second[b], radius) or _shows(
-                            second, share[y, x], b, first[a], radius
-                        ):
-                            beyond = apart / radius - np.float32(1.0)
-                            costs[a, b] = min(beyond * np.float32(0.5), np.float32(1.0))
+                        moving = _shows(first, share[row, column], a, second[b], radius)
+                        moving = moving or _shows(second, share[y, x], b, first[a], radius)
+                        costs[a, b] = cost if moving else still * cost
 
 
 @kernel

@@ -11,7 +11,7 @@ from silhouette_core.tuning import COLOURS, CUT
 
 # How often a pixel of the background is lit as it was, over the constant of the density of three
 # Gaussians, and the constant of that of two.
-_LIT = np.float32((1 - CUT.shaded - CUT.otherwise) / np.sqrt(2 * np.pi) ** 3)
+_LIT = np.float32(COLOURS.lit / np.sqrt(2 * np.pi) ** 3)
 _SHADED = np.float32(1 / (2 * np.pi))
 # How often the background shows another of its colours, where it is known and where it is guessed.
 _OTHERWISE = np.float32(CUT.otherwise), np.float32(1)
@@ -146,7 +146,7 @@ def log_odds(
 
 
 @kernel
-def _sharpen_row(row, images, light, regions, reach, mask):
+def _sharpen_row(row, images, light, regions, reach, least_contrast, mask):
     """One row of `sharpen`."""
     planes, mean = images
     band, inside, outside = regions
@@ -195,18 +195,20 @@ def _sharpen_row(row, images, light, regions, reach, mask):
             axis = window[2 + channel] / window[0] - background
             fraction += (np.float32(planes[channel, row, column]) - background) * axis
             contrast += axis * axis
-        mask[row, column] = fraction > np.float32(0.5) * contrast
+        if contrast > least_contrast * least_contrast:
+            mask[row, column] = fraction > np.float32(0.5) * contrast
 
 
 @kernel
-def sharpen(planes, mean, light, band, inside, outside, reach, mask):
+def sharpen(planes, mean, light, band, inside, outside, reach, least_contrast, mask):
     """Sets mask in the band: whether more than half of a pixel's colour is the person's.
 
     The person's colour is the mean of the window's inside pixels. The background's is the model's,
     times what light and shadow have as ratio, within the two of light, on the window's outside
-    pixels. Pixels with too few of either keep their label. Frame and mean are (3, H, W).
+    pixels. Pixels with too few of either, or too little contrast, keep their label. Frame and mean
+    are (3, H, W).
     """
     images, regions = (planes, mean), (band, inside, outside)
     for row in range(mask.shape[0]):
         # range counts in uint64, which would be compiled as well.
-        _sharpen_row(np.int64(row), images, light, regions, reach, mask)
+        _sharpen_row(np.int64(row), images, light, regions, reach, least_contrast, mask)

@@ -123,7 +123,7 @@ def test_the_darkest_shadow_is_measured(room, model, person, ratio):
     picture, truth = composed(room, person, CLOTHES["red"], ratio, length=0.6)
     frame = noisy(picture, np.random.default_rng(8))
     darkest = darkest_shadow(model.shadow_counts(frame))
-    assert darkest == pytest.approx(min(ratio - 0.05, 0.65), abs=0.03)
+    assert darkest == pytest.approx(min(ratio - 0.1, 0.65), abs=0.04)
     assert overlap(model.with_shadow(darkest).silhouette(frame), truth) > 0.96
     if ratio < 0.5:  # otherwise that shadow is the person's
         assert overlap(model.silhouette(frame), truth) < 0.9
@@ -134,7 +134,7 @@ def test_a_soft_shadow_does_not_hide_its_core():
     counts[15:30] = [5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 120, 150, 120, 80]
     assert darkest_shadow(counts) == pytest.approx(0.59, abs=0.02)
     assert darkest_shadow(np.eye(35, dtype=int)[30] * 500) == 0.65
-    assert darkest_shadow(np.eye(35, dtype=int)[4] * 500) == pytest.approx(0.31)
+    assert darkest_shadow(np.eye(35, dtype=int)[4] * 500) == 0.25
 
 
 def test_without_shadows_none_is_measured(room, model):
