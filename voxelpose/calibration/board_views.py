@@ -15,7 +15,7 @@ from calib.checks import FloatArray
 from calib.errors import InputError
 from calib.storage.documents import visible_entries
 from silhouette_core.progress import Reporter
-from voxelpose.recording.camera_files import pictures_by_camera
+from voxelpose.recording.camera_files import not_read, pictures_by_camera, unread_stills
 from voxelpose.recording.chapters import open_camera
 from voxelpose.recording.frame_reader import (
     STILLS,
@@ -79,8 +79,8 @@ def cameras_in(paths: Sequence[Path]) -> dict[str, FrameReader]:
         inside = pictures_by_camera(path) if path.is_dir() else {path.stem: path}
         if not inside:
             raise InputError(
-                f"{path} holds no pictures: give a folder of stills or videos of the board, or a"
-                " folder with one of these per camera"
+                f"{path} holds no pictures{unread_stills(path)}: give a folder of stills or videos"
+                f" of the board, or a folder with one of these per camera{not_read(path)}"
             )
         for name, pictures in inside.items():
             _add(cameras, name, open_camera(pictures))

@@ -35,7 +35,7 @@ from voxelpose.recording.folder import Recording, calibration_path, open_readers
 from voxelpose.recording.frame_reader import FrameReader
 from voxelpose.recording.repeated_pictures import without_repeats
 from voxelpose.recording.sound import STEP_S, has_sound, onsets
-from voxelpose.recording.timestamps import Times, even_numbers, write_timestamps
+from voxelpose.recording.timestamps import Times, checked_rate, even_numbers, write_timestamps
 from voxelpose.tuning import SYNCHRONISATION
 
 _LEAST_VIEWS = 20
@@ -210,17 +210,11 @@ class _Films:
                 times |= file_times.times
                 fps[name] = 1 / even_numbers(times[name])[1]
                 notes.append(file_times.note)
-        calibrated, distinct, used_times = (
-            calibration_path(folder) is not None,
-            dict(readers),
-            times,
-        )
+        calibrated, distinct, used = calibration_path(folder) is not None, dict(readers), times
         if not given:
-            distinct, used_times, repeats = without_repeats(readers, times, None)
-            notes += repeats
-        return cls(
-            folder, settings, calibrated, distinct, used_times or times, times, fps, tuple(notes)
-        )
+            distinct, timed, repeats = without_repeats(readers, times, None)
+            used, notes = timed or times, [*notes, *repeats]
+        return cls(folder, settings, calibrated, distinct, used, times, fps, tuple(notes))
 
     @property
     def shortest_s(self) -> float:
@@ -259,9 +253,7 @@ def _rate(name: str, reader: FrameReader, settings: SyncSettings) -> float:
     rate = (settings.rates or {}).get(name, reader.fps)
     if rate is None:
         raise InputError(f"how fast {name} filmed is not known: say it, as in --rates {name}=30")
-    if not (np.isfinite(rate) and rate > 0):
-        raise InputError(f"{name} cannot have filmed {rate:g} frames per second: correct --rates")
-    return rate
+    return checked_rate(rate, name, "correct --rates")
 
 
 def _by_outlines(films: _Films, by: SyncMethod, reporter: Reporter) -> Sync:

@@ -9,17 +9,7 @@ from calib.storage.documents import visible_entries
 from voxelpose.recording.chapters import chapters_in
 from voxelpose.recording.frame_reader import STILLS, VIDEOS
 
-CALIBRATION_SUFFIXES = (
-    ".toml",
-    ".yml",
-    ".yaml",
-    ".json",
-    ".xml",
-    ".txt",
-    ".qca.txt",
-    ".xcp",
-    ".mat",
-)
+CALIBRATION_SUFFIXES = tuple(".toml .yml .yaml .json .xml .txt .qca.txt .xcp .mat".split())
 """Of a recording's `calibration`; what it is is told by the content."""
 REPLACED = "before_repair"
 """Folder of a recording that keeps what a repair has replaced."""
@@ -32,6 +22,9 @@ _RESULT = "summary.json"  # a folder that has it is a result
 _UNREAD = frozenset(
     ".h264 .264 .avc .h265 .265 .hevc .mjpeg .mjpg .yuv .raw .av1 .obu"
     " .mxf .flv .vob .asf .mod .tod .r3d .braw .insv .360 .lrv .dav .m2v .f4v .rmvb .gif".split()
+)
+_UNREAD_STILLS = frozenset(
+    ".heic .heif .avif .jxl .jp2 .gif .dng .nef .cr2 .cr3 .arw .orf .raf .rw2".split()
 )
 _OURS = frozenset({"subject.toml", "recording.toml", "voxelpose.toml", "calibration_places.json"})
 _TELLING = re.compile("cam|calib|intri|extri", re.IGNORECASE)
@@ -93,13 +86,20 @@ def not_read(folder: Path, frame: str = "; {}") -> str:
             elif path.name != "calibration" and not visible_entries(path):
                 unread.append(f"{path.name}/ is empty")
             elif not is_image_folder(path):
-                unread.append(f"{path.name}/ holds no images")
+                unread.append(f"{path.name}/ holds no images{unread_stills(path)}")
         elif suffix in _UNREAD:
             unread.append(
                 f"{path.name} is no video that is read: ffmpeg -i {path.name} {path.stem}.mp4"
             )
     words = [*unread[:_MOST], *_calibrations(folder)[:1]]
     return frame.format("; ".join(words)) if words else ""
+
+
+def unread_stills(folder: Path) -> str:
+    """Words on images in a folder of a kind that is not read, with the remedy; "" without any."""
+    stills = (path for path in visible_entries(folder) if path.suffix.lower() in _UNREAD_STILLS)
+    first = next(stills, None)
+    return "" if first is None else f" that are read ({first.name}: save it as JPEG or PNG)"
 
 
 def _calibrations(folder: Path) -> list[str]:

@@ -5,6 +5,7 @@ other; and the film in a file whose first video track is a still picture: a cove
 import atexit
 import re
 import shutil
+import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,10 +14,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.storage.documents import visible_entries
-from voxelpose.recording.ffmpeg import QUIET, finished, words_on
+from voxelpose.recording.ffmpeg import QUIET, finished, packets, program, video_address, words_on
 from voxelpose.recording.frame_reader import STILLS, VIDEOS, Frame, FrameReader, size_text
 from voxelpose.recording.image_names import natural_order
 
@@ -32,6 +34,9 @@ _START = re.compile(r"start: (-?[\d.]+)")
 _STREAMS = (".ts", ".mts", ".m2ts")  # their times go on from one to the next
 _TRACK = re.compile(r"Stream #0:(\d+).*?: Video: ")
 _OFF_S = (1, 1, 2)  # by which `_begins` may be off: the last are whole seconds
+_COMPARED_S = 3  # of two chapters, in which they may overlap
+_SMALL_PX = (64, 36)
+_ALIKE = 4  # times less than successive pictures differ those that two chapters have
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,13 @@ def open_camera(path: Path) -> FrameReader:
         chapters = _continued(path, chapters)
     names = ", ".join(chapter.path.name for chapter in chapters)
     joined = "are joined as the chapters of one film" if len(chapters) > 1 else "is the film"
-    return FilmReader.of(path, chapters, f"{path.name}: {names} {joined}")
+    note = f"{path.name}: {names} {joined}"
+    for k in range(1, len(chapters)):
+        if count := _overlap(chapters[k - 1], chapters[k]):
+            note += f"; {chapters[k].path.name} begins with the last {count} pictures before it,"
+            note += " which are left out"
+            chapters[k] = _without_first(chapters[k], count)
+    return FilmReader.of(path, chapters, note)
 
 
 def chapters_in(folder: Path) -> list[Path]:
@@ -173,6 +184,38 @@ def _continued(folder: Path, chapters: Sequence[FrameReader]) -> list[FrameReade
     )
 
 
+def _overlap(before: FrameReader, after: FrameReader) -> int:
+    """Number of a chapter's first pictures that are the last ones of the chapter before it; 0 also
+    where hardly anything changes in them.
+    """
+    end, begin = _small_pictures(before, "-sseof", f"-{_COMPARED_S}"), _small_pictures(after)
+    most = min(len(end), len(begin))
+    off = [np.abs(end[-k:] - begin[:k]).max(axis=1).mean() for k in range(1, most + 1)]
+    best = int(np.argmin(off[:-1])) if most > 1 else 0
+    return best + 1 if most > 1 and off[best] * _ALIKE < off[best + 1] else 0
+
+
+def _small_pictures(film: FrameReader, *words: str) -> NDArray[np.float32]:
+    """Pictures of a video's first seconds, or of those that words for FFmpeg choose, (n, pixels)
+    grey levels.
+    """
+    width, height = _SMALL_PX
+    small = f"scale={width}:{height}:flags=area,format=gray"
+    source = (*QUIET, *words, "-t", f"{_COMPARED_S}", "-i", video_address(film.path))
+    shown = ("-map", "0:v:0", "-fps_mode", "passthrough", "-vf", small, "-f", "rawvideo", "-")
+    done = subprocess.run([program(), *source, *shown], capture_output=True, check=False)
+    size = width * height
+    whole = done.stdout[: len(done.stdout) // size * size]
+    return np.frombuffer(whole, np.uint8).reshape(-1, size).astype(np.float32)
+
+
+def _without_first(chapter: FrameReader, count: int) -> FrameReader:
+    """A chapter without its first pictures."""
+    shown_s = None if chapter.shown_s is None else chapter.shown_s[count:]
+    rest = chapter.select(range(count, chapter.frame_count))
+    return replace(rest, promised=max(chapter.promised - count, 0), shown_s=shown_s)
+
+
 def _begins(chapter: FrameReader) -> tuple[float | None, float | None, float | None]:
     """When a file says that it began, s: by its timecode, its times of a stream, and when it was
     made; None where it does not say.
@@ -224,29 +267,18 @@ def _film_copy(path: Path, changed_ns: int) -> Path | None:
     except InputError:  # without FFmpeg
         return None
     tracks = [int(number) for number in _TRACK.findall(said)]
-    counts = {track: _picture_count(path, track) for track in tracks[1:]}
+    counts = {track: len(packets(path, track=f"0:{track}")) for track in tracks[1:]}
     film = max(counts, key=lambda track: counts[track], default=None)
     if film is None or counts[film] < 2:
         return None
     folder = Path(tempfile.mkdtemp(prefix="voxelpose-film-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     copy = folder / path.name
-    copied = finished(*_track_words(path, film), "-map", "0:a?", "-c", "copy", str(copy))
+    words = (*QUIET, "-i", str(path), "-map", f"0:{film}", "-map", "0:a?", "-c", "copy", str(copy))
+    copied = finished(*words)
     if copied.returncode:
         raise InputError(
             f"{path}: its film, which is not its first video track, cannot be copied to {folder}:"
             " is there room? Else leave the film alone in the file (ffmpeg -map)"
         )
     return copy
-
-
-def _track_words(path: Path, track: int) -> tuple[str, ...]:
-    """Words by which FFmpeg takes a track of a file."""
-    return *QUIET, "-i", str(path), "-map", f"0:{track}"
-
-
-def _picture_count(path: Path, track: int) -> int:
-    """Number of the pictures of a track."""
-    listed = finished(*_track_words(path, track), "-c", "copy", "-f", "framecrc", "-")
-    lines = listed.stdout.splitlines()
-    return sum(not line.startswith("#") for line in lines)

@@ -21,8 +21,12 @@ _SMALL = 10
 less than their mean vary the bytes of so many pictures where a budget is spent: of 15 videos coded
 at a quality those of 1, of 9 coded at a constant rate those of 8."""
 _HEADERS = 64  # bytes, of a coded picture in which nothing changes, at most
-_FIRST = ("-", "-map", "0:v:0", "-vf", "showinfo", "-frames:v", "1", "-f", "null")
+_FIRST_TRACK = "0:v:0"
+_FIRST = ("-", "-map", _FIRST_TRACK, "-vf", "showinfo", "-frames:v", "1", "-f", "null")
 _FILMED = re.compile(r"com\.android\.capture\.fps\s*: ([\d.]+)")
+_FLAGS = re.compile(r"F=0x([0-9A-F]+)")  # of a coded picture; none: _KEY alone
+_KEY, _CUT_OFF = 1, 4
+_TRACK = re.compile(r"Stream #0:\d+.*?: Video: (?!.*\(attached pic\))")
 _FIELDS = re.compile(r"\bi:[TB]\b")  # of a picture, in the words of the filter showinfo
 
 
@@ -33,11 +37,13 @@ class CodedPictures:
     count: int = 0  #: number of those that are shown; 0 without FFmpeg.
     shown_s: NDArray[np.float64] | None = None
     """(count,) float64, s, increasing, when they are; None where it does not tell."""
+    cut_off: int = 0  #: number of those that an edit list leaves out.
     interlaced: bool = False  #: whether the first is flagged as two fields.
     may_repeat: bool = False
     """Whether some are coded in so few bytes, or so alike, that they may be those before them."""
     filmed_fps: float | None = None
     """Frames per second at which a telephone says that it filmed; None where it does not."""
+    tracks: int = 1  #: number of tracks with pictures, but for covers.
 
 
 def coded_pictures(path: Path) -> CodedPictures:
@@ -46,23 +52,24 @@ def coded_pictures(path: Path) -> CodedPictures:
         table, words = _packets(path, "-copyts", *_FIRST)
     except (InputError, OSError):
         return CodedPictures()
+    first_coded_s = table[0, 0] if len(table) else np.nan
+    cut_off = int(table[:, 5].sum()) // _CUT_OFF
+    table = table[table[:, 5] == 0]
     filmed = _FILMED.search(words)
     coded = CodedPictures(
         len(table),
+        cut_off=cut_off,
         filmed_fps=None if filmed is None else float(filmed[1]),
         interlaced=_FIELDS.search(words) is not None,
         may_repeat=_may_repeat(table, words),
+        tracks=len(_TRACK.findall(words.partition("Output #0")[0])),
     )
     times_s = np.sort(table[:, 1])
-    if not len(table) or np.isnan(times_s).any():
-        return coded
-    times_s = times_s[times_s >= 0]  # an edit list cuts off the others
-    if not len(times_s) or (np.diff(times_s) <= 0).any():
+    if not len(table) or np.isnan(times_s[-1]) or (np.diff(times_s) <= 0).any():
         return coded
     # Without an edit list, pictures come late by as much as some are coded ahead.
-    counts_from_first = path.suffix.lower() in _STREAMS or table[0, 0] == 0
-    shown_s = times_s - times_s[0] * counts_from_first
-    return replace(coded, count=len(times_s), shown_s=shown_s)
+    counts_from_first = path.suffix.lower() in _STREAMS or first_coded_s == 0
+    return replace(coded, shown_s=times_s - times_s[0] * counts_from_first)
 
 
 def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
@@ -79,30 +86,32 @@ def _may_repeat(table: NDArray[np.float64], words: str) -> bool:
     return bool(small.any() or alike.any() or budget or _AS_LONG.search(words))
 
 
-def packets(path: Path, *words: str) -> NDArray[np.float64]:
+def packets(path: Path, *words: str, track: str = _FIRST_TRACK) -> NDArray[np.float64]:
     """When a video's coded pictures are to be decoded and shown, (n, 2), s, in the order of the
     file; NaN where it does not tell. InputError where there is no FFmpeg for this machine.
 
     Args:
         words: further options of FFmpeg's output.
     """
-    return _packets(path, *words)[0][:, :2]
+    return _packets(path, *words, track=track)[0][:, :2]
 
 
-def _packets(path: Path, *words: str) -> tuple[NDArray[np.float64], str]:
-    """Times as of `packets`, numbers of bytes, checksums, and whether a picture is coded by itself,
-    (n, 5); and what FFmpeg says.
+def _packets(path: Path, *words: str, track: str = _FIRST_TRACK) -> tuple[NDArray[np.float64], str]:
+    """Times as of `packets`, numbers of bytes, checksums, whether a picture is coded by itself, and
+    whether an edit list cuts it off, (n, 6); and what FFmpeg says.
     """
-    done = finished("-nostdin", *_first_track(path), "-c", "copy", "-f", "framecrc", *words, "-")
+    source = ("-nostdin", "-i", video_address(path), "-map", track)
+    done = finished(*source, "-c", "copy", "-f", "framecrc", *words, "-")
     unit, rows = 1.0, []
     for line in done.stdout.splitlines():
         if line.startswith("#tb 0:"):
             top, _, bottom = line.removeprefix("#tb 0:").partition("/")
             unit = float(top) / float(bottom)
         elif line.startswith("0,"):
-            key = "F=0x" not in line
-            rows.append([*(int(line.split(",")[k], 0) for k in (1, 2, 4, 5)), key])
-    table = np.array(rows, np.int64).reshape(-1, 5)
+            flags = int((_FLAGS.search(line) or ("", "1"))[1], 16)
+            coded = (int(line.split(",")[k], 0) for k in (1, 2, 4, 5))
+            rows.append([*coded, flags & _KEY, flags & _CUT_OFF])
+    table = np.array(rows, np.int64).reshape(-1, 6)
     times = np.where(table[:, :2] > _UNKNOWN, table[:, :2] * unit, np.nan)
     return np.column_stack([times, table[:, 2:].astype(np.float64)]), done.stderr
 
@@ -159,7 +168,7 @@ def video_address(path: Path) -> str:
 
 
 def _first_track(path: Path) -> tuple[str, ...]:
-    return "-i", video_address(path), "-map", "0:v:0"
+    return "-i", video_address(path), "-map", _FIRST_TRACK
 
 
 def words_on(path: Path) -> str:

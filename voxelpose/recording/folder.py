@@ -316,8 +316,8 @@ def is_recording(folder: Path) -> bool:
 
 
 def _notes_on_files(readers: Mapping[str, FrameReader], fps: float | None) -> tuple[str, ...]:
-    """What files promise and do not hold, which are interlaced, or slow motion of which no rate is
-    given.
+    """What files promise and do not hold, which are interlaced, hold several films, or are slow
+    motion of which no rate is given.
     """
     notes = tuple(
         f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
@@ -328,6 +328,8 @@ def _notes_on_files(readers: Mapping[str, FrameReader], fps: float | None) -> tu
     if fields := ", ".join(name for name, reader in readers.items() if reader.interlaced):
         words = "flagged as interlaced: where a picture's lines are of two moments, those of the"
         notes = *notes, f"{fields}: {words} first are taken"
+    if several := ", ".join(name for name, reader in readers.items() if reader.tracks > 1):
+        notes = *notes, f"{several}: there are several video tracks, of which the first is used"
     filmed = {name: reader.filmed_fps or 0.0 for name, reader in readers.items() if fps is None}
     if slow := [name for name in filmed if filmed[name] >= 2 * (readers[name].fps or np.inf)]:
         rate = f"{filmed[slow[0]]:.4g}"

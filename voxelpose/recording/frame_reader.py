@@ -71,6 +71,7 @@ class FrameReader:
     may_repeat: bool = False  #: whether the files tell that some frames may be those before them.
     filmed_fps: float | None = None
     """Frames per second at which the file says that it was filmed; None where it does not."""
+    tracks: int = 1  #: number of films in the file, of which the first is read.
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -233,11 +234,12 @@ def _probe(path: Path) -> dict[str, Any]:
         "size": (width, height),
         "frame_count": count,
         "fps": fps if np.isfinite(fps) and fps > 0 else None,
-        "promised": promised if counted else count,
+        "promised": promised - coded.cut_off if counted else count,
         "shown_s": coded.shown_s if coded.count == count else None,
         "interlaced": coded.interlaced,
         "may_repeat": coded.may_repeat,
         "filmed_fps": coded.filmed_fps,
+        "tracks": coded.tracks,
     }
 
 
@@ -295,7 +297,9 @@ def _is_decodable(data: NDArray[np.uint8], file: Path) -> bool:
     try:
         # Not the file: a network drive opens it slowly.
         with pillow().open(BytesIO(data.tobytes())) as image:
-            size = image.size
+            size, count = image.size, getattr(image, "n_frames", 1)
+            if count > 1 and image.format != "MPO":  # a telephone's second picture is no other one
+                raise InputError(f"{file} holds {count} images: give each a file of its own")
     except pillow().DecompressionBombError:
         size = None
     except UNREADABLE:

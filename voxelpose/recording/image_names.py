@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Literal
@@ -23,12 +23,21 @@ from voxelpose.recording.timestamps import PER_SECOND, lost_between, possible_ra
 
 _SIGN = r"(?:(?<![^\W_])-)?"  # a dash after a letter or digit parts words
 _NUMBER = re.compile(rf"{_SIGN}\d+(?:[.,]\d+)?")
-_DATES = (r"((?:19|20)\d\d)(\d\d)(\d\d)\D{0,2}", r"((?:19|20)\d\d)\D(\d\d?)\D(\d\d?)\D{1,2}")
+_DATES = (
+    r"((?:19|20)\d\d)(\d\d)(\d\d)\D{0,2}",
+    r"((?:19|20)\d\d)\D(\d\d?)\D(\d\d?)\D{1,4}",
+    r"\d\d?\D\d\d?\D((?:19|20)\d\d)()()\D{1,4}",  # whether day or month comes first
+)
+_NO_DATES = "()()()", r"()()()\d{6}\D"  # the latter of years without their century
 _CLOCKS = (r"(\d\d)(\d\d)(\d\d)", r"(\d\d?)\D(\d\d?)\D(\d\d?)")
-_PART = r"(?:([^\dA-Za-z+]?|s)(\d{1,9}))?(Z|[+-]\d\d:?\d\d)?(?!\d)"
-_DATED = [re.compile(rf"(?<!\d){date}{clock}{_PART}") for date, clock in product(_DATES, _CLOCKS)]
-_CLOCK = [re.compile(rf"(?<!\d)()()(){clock}{_PART}") for clock in _CLOCKS]
-_DAY_S = timedelta(days=1).total_seconds()
+_PART = r"(?:([^\dA-Za-z+]?|s)(\d{1,9}))?(Z|[+-]\d\d:?\d\d|\W?[ap]m\b)?(?!\d)"
+_DATED, _CLOCK = (
+    [re.compile(rf"(?<!\d){date}{clock}{_PART}", re.IGNORECASE) for date, clock in product(*each)]
+    for each in ((_DATES, _CLOCKS), (_NO_DATES, _CLOCKS))
+)
+_HALF_DAY = re.compile(r"(?<![^\W\d_])[ap]m\b", re.IGNORECASE)
+_TIMECODE_RATES = (24, 25, 30, 48, 50, 60, 100, 120)  # frames per second
+_DAY_S, _HOUR_S = 86400.0, 3600.0
 _HEX = re.compile(r"(?<![^\W_])[0-9a-f]{1,15}(?![^\W_])", re.IGNORECASE)
 _COUNTS = tuple(PER_SECOND.values())[1:]  # of a clock in a second
 _SINCE_1970 = {9 + len(str(count)): count for count in _COUNTS}  # by the digits of the time
@@ -87,7 +96,7 @@ class _ImageNames:
         if twice := [stem for stem, count in Counter(stems).items() if count > 1]:
             names = " and ".join(sorted(p.name for p in paths if p.stem == twice[0])[:2])
             return cls(natural, None, f"holds {names}: remove one")
-        shapes = [_NUMBER.sub("#", stem) for stem in stems]
+        shapes = [_HALF_DAY.sub("am", _NUMBER.sub("#", stem)) for stem in stems]
         counts = Counter(shapes)
         if len(counts) > 1 and (hexadecimal := _hexadecimal(stems)) is not None:
             return cls(hexadecimal.order, hexadecimal)
@@ -137,16 +146,17 @@ class _Columns:
         """
         covered, words = set[int](), f"the time in {self.stems[0]}"
         for pattern in (*_DATED, *_CLOCK):
-            matches = [match for stem in self.stems if (match := pattern.search(stem))]
-            if covered or len(matches) < len(self.stems):
+            matches = [[*pattern.finditer(stem)] for stem in self.stems]
+            if covered or len({*map(len, matches)}) > 1:
                 continue
-            start, end = matches[0].span()
-            groups = {k for k, (a, b) in enumerate(self.spans) if start < b and a < end}
-            for seconds in _moments([match.groups("") for match in matches]):
-                reading = _reading("time", seconds, words)
-                if pattern in _DATED or (reading is not None and reading.plausible):
-                    covered = groups
-                    yield groups, reading, seconds
+            for place in zip(*matches, strict=True):
+                start, end = place[0].span()
+                groups = {k for k, (a, b) in enumerate(self.spans) if start < b and a < end}
+                for seconds in _moments([match.groups("") for match in place]):
+                    reading = _reading("time", seconds, words)
+                    if pattern in _DATED or (reading is not None and reading.plausible):
+                        covered = groups
+                        yield groups, reading, seconds
         for k, group in enumerate(self.words):
             digits = {len(word) for word in group}
             if len(digits) == 1 and (per_second := _SINCE_1970.get(*digits)):
@@ -156,8 +166,13 @@ class _Columns:
             if k and not {k - 1, k} & covered and self.before[k] in _JOINED:
                 for kind, seconds in self._seconds(k, clock):
                     reading = _reading(kind, seconds, words)
-                    if reading is not None and reading.plausible:
+                    if reading is not None and reading.plausible and self._follows(reading, k):
                         yield {k - 1, k}, reading, seconds
+
+    def _follows(self, reading: NameReading, k: int) -> bool:
+        """Whether the groups before k - 1, which may be minutes, increase as a reading does."""
+        before = ([float(word) for word in self.words[other]] for other in range(k - 1))
+        return all(_goes_along(reading.order, values) for values in before)
 
     def _seconds(self, k: int, clock: bool) -> Iterator[tuple[Kind, list[float]]]:
         """Yields seconds of group k - 1 with their part in group k."""
@@ -166,9 +181,11 @@ class _Columns:
             return
         since_1970 = all(len(word) == 10 and word[0] in "12" for word in whole)
         if not (clock or since_1970 or 1 < len({*whole}) < len(whole)):
-            if len({*whole}) > 1 or not decimal:
+            if not decimal or 1 < len({*whole}) < len(whole) or not any(map(int, self.words[k])):
                 return  # two counters, or a camera and a counter
-            whole, kind = ["0"] * len(whole), "ticks"  # of a camera, a take, or all of one second
+            if len({*whole}) == 1:  # a camera, a take, or all of one second
+                whole = ["0"] * len(whole)
+            kind = "ticks"
         for part in _parts(self.words[k], whole, decimal):
             signs = (-1 if word[0] == "-" else 1 for word in whole)
             yield kind, [int(w) + s * share for w, s, share in zip(whole, signs, part, strict=True)]
@@ -198,7 +215,9 @@ def _moments(groups: Sequence[tuple[str, ...]]) -> Iterator[list[float]]:
     for year, month, day, hour, minute, second, _, _, zone in groups:
         try:
             date = datetime(int(year or 1970), int(month or 1), int(day or 1), tzinfo=UTC)
-            moment = date.replace(hour=int(hour), minute=int(minute), second=int(second))
+            half = zone[-2:].lower()
+            past = int(hour) % 12 + 12 * (half == "pm") if half in ("am", "pm") else int(hour)
+            moment = date.replace(hour=past, minute=int(minute), second=int(second))
         except ValueError:
             return
         away = re.sub(r"\D", "", zone).zfill(4)
@@ -210,11 +229,28 @@ def _moments(groups: Sequence[tuple[str, ...]]) -> Iterator[list[float]]:
     none = "0" * max(len(group[7]) for group in groups)  # as some write a whole second
     words, decimal = [group[7] or none for group in groups], joint <= {".", ","}
     parts = list(_parts(words, whole, decimal)) if len(joint) == 1 else []
+    numbers = [int(word or 0) for word in words]
+    if not parts and len({*numbers}) < len(numbers) and max(numbers) + 1 in _TIMECODE_RATES:
+        parts = [[number / (max(numbers) + 1) for number in numbers]]
     for part in parts or [0.0] * dated:
         seconds = np.array(whole) + part - zones
-        if not dated and np.ptp(seconds) > _DAY_S / 2:  # past midnight
+        if not groups[0][2] and np.ptp(seconds) > _DAY_S / 2:  # past midnight
             seconds = np.where(seconds < _DAY_S / 2, seconds + _DAY_S, seconds)
-        yield seconds.tolist()
+        yield (seconds if any(group[8] for group in groups) else _past_summer(seconds)).tolist()
+
+
+def _past_summer(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times of a clock that goes on where it was put on or back by an hour within a take of less
+    than half an hour.
+    """
+    steps = np.diff(np.sort(seconds))
+    if not len(steps) or steps.max() <= _HOUR_S / 2:
+        return seconds
+    before = seconds <= np.sort(seconds)[steps.argmax()]
+    close = 2 * np.median(steps)
+    if abs(np.ptp(seconds) - _HOUR_S) < close:  # those at the end of the hour were the first
+        return seconds + _HOUR_S * before
+    return seconds - _HOUR_S * (~before & (abs(steps.max() - _HOUR_S) < close))
 
 
 def _parts(words: Sequence[str], whole: Sequence[object], decimal: bool) -> Iterator[list[float]]:
@@ -245,15 +281,19 @@ def _decided(columns: _Columns, natural: NDArray[np.int64], clock: bool) -> _Ima
     changing = columns.changing or [len(columns.words) - 1]
     parts = list(columns.times(clock))
     timed = {k for groups, _, _ in parts for k in groups}
-    read = [groups for groups, reading, _ in parts if reading is not None and reading.plausible]
+    read = [
+        groups
+        for groups, reading, seconds in parts
+        if (reading is not None and reading.plausible)
+        and (len(groups.intersection(changing)) > 1 or len({*map(int, seconds)}) > 1)
+    ]
     counters = list[NameReading]()
     for k in changing:
         others = [seconds for groups, _, seconds in parts if k not in groups]
         lone = [other for other in changing if other != k and other not in timed]
         others += [[float(word) for word in columns.words[other]] for other in lone]
         # A moment is no counter, nor is any of the groups that change together as a time.
-        within = any(k in g and (g == {k} or len(g.intersection(changing)) > 1) for g in read)
-        counter = None if within else columns.counter(k)
+        counter = None if any(k in groups for groups in read) else columns.counter(k)
         if counter is not None and all(_goes_along(counter.order, other) for other in others):
             counters.append(counter)
     times = [reading for _, reading, _ in parts if reading is not None]

@@ -5,9 +5,12 @@ They are painted, unknown/CAMERA.png, or drawn as polygons in recording.toml.
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import cv2
+import msgspec
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera
@@ -17,7 +20,8 @@ from voxelpose.recording.frame_reader import other_size
 from voxelpose.recording.masks import painted
 
 RECORDING_FILE = "recording.toml"
-_FARTHEST_PX = 30_000  # of a corner from the picture's own
+_Pixel = Annotated[float, Meta(ge=-30_000, le=30_000)]
+_Polygons = list[Annotated[list[tuple[_Pixel, _Pixel]], Meta(min_length=3)]]
 _EXAMPLE = "cam_1 = [[[0, 300], [200, 300], [200, 480], [0, 480]]]"
 
 UnknownMasks = dict[str, NDArray[np.bool_]]
@@ -71,21 +75,9 @@ def unknown_polygons(path: Path, names: Sequence[str]) -> dict[str, list[NDArray
 
 def _corners(polygons: object, where: str) -> list[NDArray[np.float64]]:
     """Polygons (N, 2) of a parsed list, px."""
-    corners = []
-    for polygon in polygons if isinstance(polygons, list) else [None]:
-        points = polygon if isinstance(polygon, list) and len(polygon) >= 3 else [None]
-        if not all(map(_is_pixel, points)):
-            raise InputError(
-                f"{where} are no list of polygons of three or more corners, px: write {_EXAMPLE}"
-            )
-        corners.append(np.array(points, float))
-    return corners
-
-
-def _is_pixel(point: object) -> bool:
-    return (
-        isinstance(point, list)
-        and len(point) == 2
-        and all(isinstance(x, int | float) and not isinstance(x, bool) for x in point)
-        and all(abs(x) <= _FARTHEST_PX for x in point)
-    )
+    try:
+        return [np.array(polygon) for polygon in msgspec.convert(polygons, _Polygons)]
+    except msgspec.ValidationError:
+        raise InputError(
+            f"{where} are no list of polygons of three or more corners, px: write {_EXAMPLE}"
+        ) from None

@@ -1,5 +1,6 @@
 """Files beside those of the cameras: hidden ones, results, other names, other places."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import pytest
 from calib.errors import InputError
 from calib.files import write_rig
 from tests.sources import ring
+from voxelpose.calibration.board_views import cameras_in
 from voxelpose.recording.camera_files import not_read, pictures_by_camera, renaming
 from voxelpose.recording.folder import Recording
 from voxelpose.recording.frame_reader import FrameReader
@@ -55,10 +57,22 @@ def test_a_result_is_no_camera(folder):
     assert Recording.open(folder, fps=25).rig.names == ("cam_1", "cam_2")
 
 
-def test_a_folder_without_images_is_named(folder):
+@pytest.mark.parametrize(
+    ("suffix", "words"), [(".txt", ""), (".HEIC", r" that are read \(.\.HEIC: save it as JPEG")]
+)
+def test_a_folder_without_images_is_named(folder, suffix, words):
     for file in (folder / "cam_2").iterdir():
-        file.rename(file.with_suffix(".txt"))
-    assert "cam_2/ holds no images" in refusal(folder)
+        file.rename(file.with_suffix(suffix))
+    assert re.search(f"cam_2/ holds no images{words}", refusal(folder))
+    with pytest.raises(InputError, match=f"holds no pictures{words}"):
+        cameras_in([folder / "cam_2"])
+
+
+def test_images_in_one_file_are_refused(tmp_path):
+    pictures = [np.full(SIZE[::-1], number, np.uint8) for number in range(3)]
+    cv2.imwritemulti(str(tmp_path / "a.tif"), pictures)
+    with pytest.raises(InputError, match=r"a\.tif holds 3 images: give each a file"):
+        FrameReader.open(tmp_path / "a.tif")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from calib.errors import InputError
 from tests.voxelpose.recording.test_file_times import COUNT, ffmpeg, film
 from tests.voxelpose.recording.test_folder import number_of, numbers, picture, write_calibration
-from voxelpose.recording.chapters import open_camera
+from voxelpose.recording.chapters import FilmReader, open_camera
 from voxelpose.recording.folder import Recording, one_camera
 
 FPS = 25
@@ -24,11 +24,12 @@ def timecode(seconds: int, frames: int = 0) -> tuple[str, str]:
     return "-timecode", f"12:00:{seconds:02d}:{frames:02d}"
 
 
-def chapters(folder: Path, words: dict[str, tuple[str, ...]]) -> Path:
+def chapters(folder: Path, words: dict[str, tuple[str, ...]], second: int = CUT) -> Path:
     """Two files of a film of twenty frames, in a folder, with options of FFmpeg for each."""
     folder.mkdir()
-    for how, (name, options) in zip(("lt", "gte"), words.items(), strict=True):
-        film(folder / name, f"select='{how}(n,{CUT})',setpts=N/({FPS}*TB)", *options)
+    parts = f"lt(n,{CUT})", f"gte(n,{second})"
+    for part, (name, options) in zip(parts, words.items(), strict=True):
+        film(folder / name, f"select='{part}',setpts=N/({FPS}*TB)", *options)
     return folder
 
 
@@ -70,6 +71,16 @@ def test_a_recording_of_chapters_is_said(tmp_path: Path):
     assert recording.notes == (words,)
     times_s = recording.file_times()["cam_2"]
     np.testing.assert_allclose(times_s, np.arange(COUNT) / FPS, atol=0.002)
+
+
+@pytest.mark.parametrize("many", [1, 7])
+def test_pictures_that_two_chapters_have_are_shown_once(tmp_path: Path, many: int):
+    words = {"C0001.MP4": timecode(7), "C0002.MP4": timecode(7, CUT - many)}
+    reader = open_camera(chapters(tmp_path / "cam_1", words, CUT - many))
+    assert isinstance(reader, FilmReader)
+    assert [number_of(frame) for frame in reader] == list(range(COUNT))
+    np.testing.assert_allclose(reader.shown_s, np.arange(COUNT) / FPS, atol=0.002)
+    assert f"C0002.MP4 begins with the last {many} pictures before it" in reader.note
 
 
 def test_the_only_chapter_is_the_film(tmp_path: Path):
@@ -132,6 +143,15 @@ def test_the_film_is_taken_whichever_track_it_is(tmp_path: Path, words: tuple[st
     assert recording.fps == FPS
     assert recording.readers["cam_2"].path == tmp_path / "cam_2.mp4"
     assert list(recording.file_times()) == ["cam_1", "cam_2"]
+
+
+def test_the_first_of_several_films_is_used_and_said(tmp_path: Path):
+    film(tmp_path / "whole.mp4")
+    tracks = ("-i", tmp_path / "whole.mp4", "-map", "0:v", "-map", "0:v", "-c", "copy")
+    write_calibration(tmp_path / "calibration.toml")
+    ffmpeg(*tracks, tmp_path / "cam_1.mp4")
+    (note,) = Recording.open(tmp_path, cameras=["cam_1"]).notes
+    assert note == "cam_1: there are several video tracks, of which the first is used"
 
 
 def test_a_video_of_one_picture_is_what_it_is(tmp_path: Path):

@@ -1,5 +1,6 @@
 """Frames paired by what files tell: presentation times of videos, numbers of images."""
 
+import struct
 import subprocess
 from pathlib import Path
 
@@ -124,12 +125,19 @@ def test_even_files_stay_as_they_are(folder: Path):
     assert Recording.open(folder).notes == ()
 
 
-def test_what_an_edit_list_cuts_off_is_no_frame(folder: Path):
+@pytest.mark.parametrize(("first", "end"), [(10, 20), (7, 20), (7, 15), (0, 15)])
+def test_what_an_edit_list_cuts_off_is_no_frame(folder: Path, first: int, end: int):
     film(folder / "cam_1.mp4", "null", "-g", "50")
-    ffmpeg("-ss", "0.4", "-i", folder / "cam_1.mp4", "-c", "copy", folder / "cut.mp4")
-    reader = FrameReader.open(folder / "cut.mp4")
-    assert [number_of(frame) for frame in reader] == list(range(10, 20))
-    assert reader.shown_s == pytest.approx(np.arange(10) / 25)
+    data = bytearray((folder / "cam_1.mp4").read_bytes())
+    lasting, begin = struct.unpack(">Ii", data[(place := data.find(b"elst") + 12) : place + 8])
+    tick = 25 * lasting // COUNT  # a second of the file
+    edit = tick * (end - first) // 25, begin + round(12800 / 25 * first)
+    data[place : place + 8] = struct.pack(">Ii", *edit)
+    (folder / "cam_2.mp4").write_bytes(data)
+    reader = FrameReader.open(folder / "cam_2.mp4")
+    assert [number_of(frame) for frame in reader] == list(range(first, end))
+    assert reader.shown_s == pytest.approx(np.arange(end - first) / 25)
+    assert Recording.open(folder, cameras=["cam_2"]).notes == ()
 
 
 def test_a_rate_that_is_given_sets_times_aside(folder: Path):

@@ -63,6 +63,12 @@ TIMES: dict[str, Callable[[int], str]] = {
     "time of day": stamp("%H-%M-%S.%f"),
     "compact time of day": stamp("cam1_%H%M%S_%f"),
     "hours, minutes, seconds": stamp("%Hh%Mm%Ss%f"),
+    "a German date": stamp("%d.%m.%Y_%H-%M-%S-%f"),
+    "a date without its century": stamp("%y%m%d_%H%M%S_%f"),
+    "half days": lambda n: f"{moment(n):%m-%d-%Y at %I.%M.%S.%f %p}",
+    "past one": lambda n: f"{moment(n) + timedelta(hours=1):%Y-%m-%d at %I.%M.%S.%f %p}",
+    "Basler's": lambda n: f"acA__230__{moment(n):%Y%m%d_%H%M%S%f}_{KEPT.index(n):04d}",
+    "timecode": lambda n: f"01_00_{(n + 70) // 30:02d}_{(n + 70) % 30:02d}",
     "over midnight": lambda n: f"{moment(n) + timedelta(hours=12):%H_%M_%S_%f}",
 }
 
@@ -86,6 +92,16 @@ def test_times_are_read(case: str):
     assert reading.lost.sum() == len(LOST)
 
 
+@pytest.mark.parametrize("form", ["%Y-%m-%d_%H-%M-%S.%f", "%H%M%S_%f"])
+@pytest.mark.parametrize("hours", [1, -1])
+def test_clocks_that_are_put_on_or_back_go_on(form: str, hours: int):
+    moments = [moment(n) + timedelta(hours=hours * (n > COUNT // 2)) for n in KEPT]
+    names = [f"{when:{form}}" for when in moments]
+    ordered, reading = read(names)
+    assert ordered == names
+    assert reading is not None and reading.lost.sum() == len(LOST)
+
+
 COUNTERS: dict[str, Callable[[int], str]] = {
     "padded": lambda n: f"a_{n:04d}",
     "unpadded": lambda n: f"img_{n}",
@@ -102,6 +118,7 @@ COUNTERS: dict[str, Callable[[int], str]] = {
     "beside the number of the stored image": lambda n: f"{KEPT.index(n):06d}_{n:06d}",
     "beside a random number": lambda n: f"{random.Random(n).randrange(10**4)}_{n:03d}",
     "on a clock of unknown unit": lambda n: f"{(77 * 30 + n) * 10**6 // 30}",
+    "milliseconds with decimals": lambda n: f"cam1_{n * 1000 / 30:.3f}ms",
     "a part of a second": lambda n: (
         f"cam1_{round(n * 1000 / 30) % 1000:03d}" if n < 29 else f"cam1_{round(n * 1000 / 30)}"
     ),
@@ -124,6 +141,7 @@ def test_counters_are_read(case: str):
         ["a1", "z"],
         ["1.8", "1.9", "1.10", "2.0", "2.1"],
         ["1a", "1b", "2a", "2b"],
+        [f"{n // 60:02d}m{n % 60:02d}.{n % 7}s" for n in range(50, 80)],
         ["seq1_8", "seq1_9", "seq2_0", "seq2_1"],
         ["9" * 30, "99"],
         [f"{random.Random(n).getrandbits(64):016x}" for n in range(40)],
