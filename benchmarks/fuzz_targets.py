@@ -274,6 +274,7 @@ TARGETS: dict[str, FuzzTarget] = {
     "chapters": FuzzTarget(
         "cam_0", recordings.make_chapters, recordings.use_camera, ("cam_0/GX020012.mp4",)
     ),
+    "interlaced": FuzzTarget("cam_0.mov", recordings.make_interlaced, recordings.use_camera),
     "film-track": FuzzTarget("cam_0.mov", recordings.make_film, recordings.use_camera),
     "exif": FuzzTarget(
         "cam_0",
@@ -325,6 +326,12 @@ TARGETS: dict[str, FuzzTarget] = {
         lambda path: motions.make_result(path.parent),
         motions.use_motion,
         command="export {folder}/out --out {folder}/exported --overwrite",
+    ),
+    "corrections": FuzzTarget(
+        "out",
+        motions.make_corrected,
+        motions.use_corrected,
+        ("out/corrections.json", "out/fitted_again_1.safetensors"),
     ),
     "export-record": FuzzTarget("export.json", motions.export, motions.export),
     "given-body": FuzzTarget("given.safetensors", motions.make_given, motions.use_motion),

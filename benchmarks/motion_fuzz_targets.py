@@ -5,6 +5,7 @@
 import contextlib
 import io
 import json
+import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -165,6 +166,22 @@ def use_motion(path: Path) -> None:
     if len(motion):
         formats = ("bvh", "trc", "csv")
         export_motion(motion, path.with_name("exported"), formats, overwrite=True)
+
+
+def make_corrected(out: Path) -> None:
+    from voxelpose.corrections import ExchangeSides, FitAgain, Trim, write_corrections
+
+    make_result(out)
+    again = FitAgain((2, 4), "fitted_again_1.safetensors", "cam_1")
+    shutil.copy(out / "motion.safetensors", out / again.poses)
+    write_corrections(out, (Trim((1, 9)), ExchangeSides((3, 5), limbs="arms"), again))
+
+
+def use_corrected(out: Path) -> None:
+    from voxelpose.results import Result
+
+    result = Result.open(out)
+    len(result.motion), result.summary, result.settings
 
 
 def export(path: Path) -> None:

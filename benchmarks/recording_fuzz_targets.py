@@ -53,10 +53,10 @@ def use_timestamps(path: Path) -> None:
     match_frames(read_timestamps(path, {"cam_0": reader, "cam_1": reader})[0], path)
 
 
-def make_video(path: Path) -> None:
+def make_video(path: Path, *words: str) -> None:
     import imageio_ffmpeg
 
-    coded = ["-vf", "select='not(between(n,4,6))'", "-fps_mode", "passthrough", "-bf", "2"]
+    coded = ["-vf", "select='not(between(n,4,6))'", "-fps_mode", "passthrough", "-bf", "2", *words]
     writer = imageio_ffmpeg.write_frames(
         str(path), (64, 48), fps=25, output_params=coded, macro_block_size=1
     )
@@ -96,6 +96,10 @@ def make_chapters(path: Path) -> None:
     path.mkdir()
     for chapter in (1, 2):
         make_video(path / f"GX0{chapter}0012.mp4")
+
+
+def make_interlaced(path: Path) -> None:
+    make_video(path, "-x264-params", "tff=1")
 
 
 def make_film(path: Path) -> None:

@@ -202,8 +202,8 @@ def _small_pictures(film: FrameReader, *words: str) -> NDArray[np.float32]:
     width, height = _SMALL_PX
     small = f"scale={width}:{height}:flags=area,format=gray"
     source = (*QUIET, *words, "-t", f"{_COMPARED_S}", "-i", video_address(film.path))
-    shown = ("-map", "0:v:0", "-fps_mode", "passthrough", "-vf", small, "-f", "rawvideo", "-")
-    done = subprocess.run([program(), *source, *shown], capture_output=True, check=False)
+    raw = ("-map", "0:v:0", "-fps_mode", "passthrough", "-vf", small, "-f", "rawvideo", "-")
+    done = subprocess.run([program(), *source, *raw], capture_output=True, check=False)
     size = width * height
     whole = done.stdout[: len(done.stdout) // size * size]
     return np.frombuffer(whole, np.uint8).reshape(-1, size).astype(np.float32)

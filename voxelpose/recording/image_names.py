@@ -37,7 +37,7 @@ _DATED, _CLOCK = (
 )
 _HALF_DAY = re.compile(r"(?<![^\W\d_])[ap]m\b", re.IGNORECASE)
 _TIMECODE_RATES = (24, 25, 30, 48, 50, 60, 100, 120)  # frames per second
-_DAY_S, _HOUR_S = 86400.0, 3600.0
+_DAY_S, _HOUR_S = 86_400, 3_600
 _HEX = re.compile(r"(?<![^\W_])[0-9a-f]{1,15}(?![^\W_])", re.IGNORECASE)
 _COUNTS = tuple(PER_SECOND.values())[1:]  # of a clock in a second
 _SINCE_1970 = {9 + len(str(count)): count for count in _COUNTS}  # by the digits of the time
