@@ -5,7 +5,6 @@ other; and the film in a file whose first video track is a still picture: a cove
 import atexit
 import re
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from calib.errors import InputError
 from calib.storage.documents import visible_entries
-from voxelpose.recording.ffmpeg import QUIET, finished, packets, program, video_address, words_on
+from voxelpose.recording.ffmpeg import QUIET, finished, packets, video_address, words_on
 from voxelpose.recording.frame_reader import STILLS, VIDEOS, Frame, FrameReader, size_text
 from voxelpose.recording.image_names import natural_order
 
@@ -35,7 +34,7 @@ _STREAMS = (".ts", ".mts", ".m2ts")  # their times go on from one to the next
 _TRACK = re.compile(r"Stream #0:(\d+).*?: Video: ")
 _OFF_S = (1, 1, 2)  # by which `_begins` may be off: the last are whole seconds
 _COMPARED_S = 3  # of two chapters, in which they may overlap
-_SMALL_PX = (64, 36)
+_SMALL_SIZE = "64:36"
 _ALIKE = 4  # times less than successive pictures differ those that two chapters have
 
 
@@ -54,11 +53,11 @@ class FilmReader(FrameReader):
         Args:
             path: the camera's video or folder.
         """
-        counts = [file.frame_count for file in files]
-        promised, shown_s = sum(file.promised for file in files), _shown_s(files)
-        size, fps = files[0].size, files[0].fps
-        film = cls(path, (), size, sum(counts), fps, promised=promised, shown_s=shown_s)
-        return replace(film, files=tuple(files), note=note)
+        first, count = files[0], sum(file.frame_count for file in files)
+        coded = replace(first.coded, may_repeat=any(file.coded.may_repeat for file in files))
+        film = cls(path, (), first.size, count, first.fps, shown_s=_shown_s(files), coded=coded)
+        promised = sum(file.promised for file in files)
+        return replace(film, promised=promised, files=tuple(files), note=note)
 
     def _pictures(self, numbers: Sequence[int]) -> Iterator[Frame]:
         begin = 0
@@ -94,7 +93,7 @@ def open_camera(path: Path) -> FrameReader:
         if count := _overlap(chapters[k - 1], chapters[k]):
             note += f"; {chapters[k].path.name} begins with the last {count} pictures before it,"
             note += " which are left out"
-            chapters[k] = _without_first(chapters[k], count)
+            chapters[k] = chapters[k].select(range(count, chapters[k].frame_count))
     return FilmReader.of(path, chapters, note)
 
 
@@ -199,21 +198,15 @@ def _small_pictures(film: FrameReader, *words: str) -> NDArray[np.float32]:
     """Pictures of a video's first seconds, or of those that words for FFmpeg choose, (n, pixels)
     grey levels.
     """
-    width, height = _SMALL_PX
-    small = f"scale={width}:{height}:flags=area,format=gray"
-    source = (*QUIET, *words, "-t", f"{_COMPARED_S}", "-i", video_address(film.path))
-    raw = ("-map", "0:v:0", "-fps_mode", "passthrough", "-vf", small, "-f", "rawvideo", "-")
-    done = subprocess.run([program(), *source, *raw], capture_output=True, check=False)
-    size = width * height
-    whole = done.stdout[: len(done.stdout) // size * size]
-    return np.frombuffer(whole, np.uint8).reshape(-1, size).astype(np.float32)
+    import imageio_ffmpeg
 
-
-def _without_first(chapter: FrameReader, count: int) -> FrameReader:
-    """A chapter without its first pictures."""
-    shown_s = None if chapter.shown_s is None else chapter.shown_s[count:]
-    rest = chapter.select(range(count, chapter.frame_count))
-    return replace(rest, promised=max(chapter.promised - count, 0), shown_s=shown_s)
+    small = ["-fps_mode", "passthrough", "-vf", f"scale={_SMALL_SIZE}:flags=area"]
+    part = [*words, "-t", f"{_COMPARED_S}"]
+    pictures = imageio_ffmpeg.read_frames(
+        video_address(film.path), "gray", input_params=part, output_params=small, bits_per_pixel=8
+    )
+    next(pictures)  # what it is
+    return np.array([np.frombuffer(picture, np.uint8) for picture in pictures], np.float32)
 
 
 def _begins(chapter: FrameReader) -> tuple[float | None, float | None, float | None]:

@@ -100,8 +100,8 @@ def _packets(path: Path, *words: str, track: str = _FIRST_TRACK) -> tuple[NDArra
     """Times as of `packets`, numbers of bytes, checksums, whether a picture is coded by itself, and
     whether an edit list cuts it off, (n, 6); and what FFmpeg says.
     """
-    source = ("-nostdin", "-i", video_address(path), "-map", track)
-    done = finished(*source, "-c", "copy", "-f", "framecrc", *words, "-")
+    copied = ("-c", "copy", "-f", "framecrc", *words, "-")
+    done = finished("-nostdin", *_track(path, track), *copied)
     unit, rows = 1.0, []
     for line in done.stdout.splitlines():
         if line.startswith("#tb 0:"):
@@ -122,7 +122,7 @@ def has_fields(path: Path, changed_ns: int) -> bool:
     all are decoded.
     """
     try:
-        done = finished("-nostdin", *_first_track(path), "-vf", "showinfo", "-f", "null", "-")
+        done = finished("-nostdin", *_track(path), "-vf", "showinfo", "-f", "null", "-")
         return _FIELDS.search(done.stderr) is not None
     except (InputError, OSError):
         return False
@@ -137,7 +137,7 @@ class FieldCapture:
         """Opens a video of pictures (width, height) px. InputError where there is no FFmpeg for
         this machine.
         """
-        source = (*_first_track(path), "-fps_mode", "passthrough")
+        source = (*_track(path), "-fps_mode", "passthrough")
         raw = ("-vf", "idet,bwdif=send_frame:auto:interlaced", "-f", "rawvideo", "-pix_fmt")
         words = [program(), *QUIET, *source, *raw, "bgr24", "-"]
         self._size = size
@@ -167,8 +167,8 @@ def video_address(path: Path) -> str:
     return str(path.absolute())
 
 
-def _first_track(path: Path) -> tuple[str, ...]:
-    return "-i", video_address(path), "-map", _FIRST_TRACK
+def _track(path: Path, track: str = _FIRST_TRACK) -> tuple[str, ...]:
+    return "-i", video_address(path), "-map", track
 
 
 def words_on(path: Path) -> str:

@@ -325,12 +325,14 @@ def _notes_on_files(readers: Mapping[str, FrameReader], fps: float | None) -> tu
         for reader in readers.values()
         if reader.promised > reader.frame_count
     )
-    if fields := ", ".join(name for name, reader in readers.items() if reader.interlaced):
+    if fields := ", ".join(name for name, reader in readers.items() if reader.coded.interlaced):
         words = "flagged as interlaced: where a picture's lines are of two moments, those of the"
         notes = *notes, f"{fields}: {words} first are taken"
-    if several := ", ".join(name for name, reader in readers.items() if reader.tracks > 1):
+    if several := ", ".join(name for name, reader in readers.items() if reader.coded.tracks > 1):
         notes = *notes, f"{several}: there are several video tracks, of which the first is used"
-    filmed = {name: reader.filmed_fps or 0.0 for name, reader in readers.items() if fps is None}
+    filmed = {
+        name: reader.coded.filmed_fps or 0.0 for name, reader in readers.items() if fps is None
+    }
     if slow := [name for name in filmed if filmed[name] >= 2 * (readers[name].fps or np.inf)]:
         rate = f"{filmed[slow[0]]:.4g}"
         words = f"filmed at {rate} frames per second by what the file says, and plays slower"

@@ -21,7 +21,13 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from calib.errors import InputError
 from calib.storage.documents import visible_entries
-from voxelpose.recording.ffmpeg import FieldCapture, coded_pictures, has_fields, video_address
+from voxelpose.recording.ffmpeg import (
+    CodedPictures,
+    FieldCapture,
+    coded_pictures,
+    has_fields,
+    video_address,
+)
 from voxelpose.recording.image_names import in_order
 
 Frame = NDArray[np.uint8]
@@ -60,18 +66,14 @@ class FrameReader:
     """Selected frames of the file in ascending order, possibly repeated; None selects all."""
     promised: int = 0  #: number of frames that the file says it has; 0 where it says none.
     shown_s: NDArray[np.float64] | None = field(default=None, compare=False)
-    """(frame_count,) float64, s, increasing, when a video shows its frames; None where it does not
-    tell, or some are selected."""
+    """(frame_count,) float64, s, when a video shows its frames; None where it does not tell."""
     bits: int = 8
     """Of the brightest value in images of 16 bits, of which the upper 8 are used; else 8."""
     sensor: bool = False
     """Whether images are read as the sensor has them, since their EXIF data turn them differently:
     a lens belongs to the sensor."""
-    interlaced: bool = False  #: whether a video is flagged as interlaced, and read by FFmpeg.
-    may_repeat: bool = False  #: whether the files tell that some frames may be those before them.
-    filmed_fps: float | None = None
-    """Frames per second at which the file says that it was filmed; None where it does not."""
-    tracks: int = 1  #: number of films in the file, of which the first is read.
+    coded: CodedPictures = field(default=CodedPictures(), compare=False)
+    """What the file tells of its pictures; one that is interlaced is read by FFmpeg."""
 
     @classmethod
     def open(cls, path: Path) -> Self:
@@ -97,7 +99,8 @@ class FrameReader:
             lengths = [still.stat().st_size for still in stills]
             alike = any(length == other for length, other in pairwise(lengths))
             count = len(stills)
-            return cls(path, stills, size, count, None, bits=bits, sensor=sensor, may_repeat=alike)
+            coded = CodedPictures(may_repeat=alike)
+            return cls(path, stills, size, count, None, bits=bits, sensor=sensor, coded=coded)
         return cls(path, (), **_probe(path))
 
     @property
@@ -128,8 +131,9 @@ class FrameReader:
         selected = tuple(
             int(number) if self.numbers is None else self.numbers[number] for number in numbers
         )
+        shown_s = None if self.shown_s is None else self.shown_s[list(numbers)]
         count = len(selected)
-        return replace(self, numbers=selected, frame_count=count, promised=0, shown_s=None)
+        return replace(self, numbers=selected, frame_count=count, promised=0, shown_s=shown_s)
 
     @staticmethod
     def _size_of(still: Path, sensor: bool) -> tuple[int, int]:
@@ -152,7 +156,7 @@ class FrameReader:
         return self._video(numbers)
 
     def _video(self, numbers: Sequence[int]) -> Iterator[Frame]:
-        capture = FieldCapture(self.path, self.size) if self.interlaced else None
+        capture = FieldCapture(self.path, self.size) if self.coded.interlaced else None
         capture = capture or cv2.VideoCapture(video_address(self.path))
         position, frame, rows = 0, None, b""
         try:
@@ -236,10 +240,7 @@ def _probe(path: Path) -> dict[str, Any]:
         "fps": fps if np.isfinite(fps) and fps > 0 else None,
         "promised": promised - coded.cut_off if counted else count,
         "shown_s": coded.shown_s if coded.count == count else None,
-        "interlaced": coded.interlaced,
-        "may_repeat": coded.may_repeat,
-        "filmed_fps": coded.filmed_fps,
-        "tracks": coded.tracks,
+        "coded": coded,
     }
 
 

@@ -37,7 +37,7 @@ def without_repeats(
         fps: frames per second, before what videos tell.
     """
     distinct, left = dict(readers), None if timed is None else dict(timed)
-    asked = [name for name, reader in readers.items() if reader.may_repeat]
+    asked = [name for name, reader in readers.items() if reader.coded.may_repeat]
     rate = fps or next((reader.fps for reader in readers.values() if reader.fps), None)
     if not asked or (left is None and rate is None):
         return distinct, left, ()

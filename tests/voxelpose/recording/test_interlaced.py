@@ -61,7 +61,7 @@ def test_pictures_flagged_as_interlaced_are_what_was_filmed(tmp_path, first, nam
     for pictures, most in (([bar(k) for k in range(COUNT)], 2.0), (woven(first == "bff"), 4.0)):
         path = write(tmp_path / name, pictures, "-vf", f"setfield={first},format=yuv420p", *words)
         reader = FrameReader.open(path)
-        assert reader.interlaced
+        assert reader.coded.interlaced
         assert off(reader, [bar(k) for k in range(COUNT)]) < most
         assert off(reader.select([3, 4, 4]), [bar(3), bar(4), bar(4)]) < most
 
@@ -73,7 +73,7 @@ def test_a_video_that_becomes_interlaced_is_read_on(tmp_path: Path):
     write(fields, pictures, "-vf", "setfield=tff,format=yuv420p", *H264, "tff=1")
     ffmpeg("-i", f"concat:{plain}|{fields}", "-c", "copy", tmp_path / "c.ts")
     reader = FrameReader.open(tmp_path / "c.ts")
-    assert not reader.interlaced
+    assert not reader.coded.interlaced
     assert off(reader, pictures + pictures) < 2
     for number in (COUNT, COUNT + 2):
         assert off(reader.select([number]), pictures[number - COUNT :][:1]) < 2
@@ -112,5 +112,5 @@ def test_any_format_of_pixels_is_converted(tmp_path: Path, words: list[str]):
     crop = ["-vf", f"crop={size[0]}:{size[1]}:0:0:1"]
     whole = [bar(k) for k in range(COUNT)]
     reader = FrameReader.open(write(tmp_path / "a.mkv", whole, *crop, *words))
-    assert (reader.size, reader.interlaced) == (size, False)
+    assert (reader.size, reader.coded.interlaced) == (size, False)
     assert off(reader, pictures) < 3

@@ -137,6 +137,16 @@ def test_who_stands_still_is_not_lost(tmp_path: Path, cameras, noise: float):
     assert (recording.frame_count, recording.notes) == (COUNT, ())
 
 
+def test_repeats_in_chapters_are_lost(tmp_path: Path):
+    write_calibration(tmp_path / "calibration.toml", ("cam_1",))
+    (tmp_path / "cam_1").mkdir()
+    pictures = film([*range(15), *[14] * 3, *range(18, COUNT)], 3)
+    write(tmp_path / "cam_1", "GX010012", pictures[:12])
+    write(tmp_path / "cam_1", "GX020012", pictures[12:])
+    recording = Recording.open(tmp_path)
+    assert recording.numbers.tolist() == [*range(15), *range(18, COUNT)]
+
+
 def test_images_that_are_copies_are_lost(tmp_path: Path):
     record(tmp_path, {"cam_1": STEPS, "cam_2": STALL})
     for name in ("cam_1", "cam_2"):
