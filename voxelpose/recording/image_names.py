@@ -96,12 +96,12 @@ class _ImageNames:
         if twice := [stem for stem, count in Counter(stems).items() if count > 1]:
             names = " and ".join(sorted(p.name for p in paths if p.stem == twice[0])[:2])
             return cls(natural, None, f"holds {names}: remove one")
-        shapes = [_HALF_DAY.sub("am", _NUMBER.sub("#", stem)) for stem in stems]
+        shapes = [_HALF_DAY.sub("am", _NUMBER.sub("\0", stem)) for stem in stems]
         counts = Counter(shapes)
         if len(counts) > 1 and (hexadecimal := _hexadecimal(stems)) is not None:
             return cls(hexadecimal.order, hexadecimal)
         usual, count = counts.most_common(1)[0] if counts else ("", 0)
-        if "#" not in usual or 2 * count <= len(stems):
+        if "\0" not in usual or 2 * count <= len(stems):
             return cls(natural)
         if count < len(stems):
             odd = next(p.name for p, shape in zip(paths, shapes, strict=True) if shape != usual)
@@ -347,7 +347,7 @@ def _agreed(
 def _hexadecimal(stems: Sequence[str]) -> NameReading | None:
     """The reading of names that count in hexadecimal; None where they do not."""
     runs = [_HEX.findall(stem) for stem in stems]
-    if len({_HEX.sub("#", stem) for stem in stems}) > 1:
+    if len({_HEX.sub("\0", stem) for stem in stems}) > 1:
         return None
     changing = [column for column in zip(*runs, strict=True) if len({*column}) > 1]
     words = [*changing[0]] if len(changing) == 1 else []

@@ -143,6 +143,7 @@ def test_counters_are_read(case: str):
         ["1a", "1b", "2a", "2b"],
         [f"{n // 60:02d}m{n % 60:02d}.{n % 7}s" for n in range(50, 80)],
         ["seq1_8", "seq1_9", "seq2_0", "seq2_1"],
+        ["##1", "1#2", "a#b"],
         ["9" * 30, "99"],
         [f"{random.Random(n).getrandbits(64):016x}" for n in range(40)],
         ["²1³2", "x"],
