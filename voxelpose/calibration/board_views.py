@@ -182,14 +182,8 @@ class BoardFinder:
         for reason, _ in self.reasons.most_common():
             if not reason.startswith("no board"):
                 return reason
-        return next(
-            (
-                description
-                for picture in self.refused
-                if (description := self.board.other_board(picture))
-            ),
-            next(iter(self.reasons), "there are no pictures of that time"),
-        )
+        others = filter(None, map(self.board.other_board, self.refused))
+        return next(others, next(iter(self.reasons), "there are no pictures of that time"))
 
 
 def select_views(board: Board, views: Mapping[str, BoardView], max_views: int) -> set[str]:

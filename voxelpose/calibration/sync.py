@@ -266,13 +266,8 @@ def _by_outlines(films: _Films, by: SyncMethod, reporter: Reporter) -> Sync:
         )
     tracks, without_background = [], []
     for name, reader in films.readers.items():
-        recording = Recording.open(
-            films.folder,
-            cameras=[name],
-            unit=settings.unit,
-            fps=films.fps[name],
-            label=settings.label,
-        )
+        rate, label = films.fps[name], settings.label
+        recording = Recording.open(films.folder, None, [name], settings.unit, rate, label)
         used = films.inside(name, by)
         if len(used) < 3:
             raise InputError(
