@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
+from msgspec import Meta
 from tyro.conf import Positional, arg
 
 from calib.errors import InputError
@@ -176,7 +177,7 @@ class CalibrateExtrinsics(arguments.OptionalBoard):
     """CSV of camera,point,x_px,y_px,x_m,y_m,z_m instead of a board; metres only where known."""
     refine_lenses: bool = False
     """Adjust the lenses too, if they were not calibrated with boards at such distances."""
-    moments: Annotated[int, arg(metavar="N")] = 150
+    moments: Annotated[int, Meta(ge=1, le=10_000), arg(metavar="N")] = 150
     """Maximum number of time steps used of the recording."""
     cameras: arguments.Cameras = None
     unit: arguments.Unit = None
