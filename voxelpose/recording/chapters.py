@@ -34,7 +34,6 @@ _STREAMS = (".ts", ".mts", ".m2ts")  # their times go on from one to the next
 _TRACK = re.compile(r"Stream #0:(\d+).*?: Video: ")
 _OFF_S = (1, 1, 2)  # by which `_begins` may be off: the last are whole seconds
 _COMPARED_S = 3  # of two chapters, in which they may overlap
-_SMALL_SIZE = "64:36"
 _ALIKE = 4  # times less than successive pictures differ those that two chapters have
 
 
@@ -195,15 +194,16 @@ def _overlap(before: FrameReader, after: FrameReader) -> int:
 
 
 def _small_pictures(film: FrameReader, *words: str) -> NDArray[np.float32]:
-    """Pictures of a video's first seconds, or of those that words for FFmpeg choose, (n, pixels)
-    grey levels.
-    """
+    """Small pictures (n, pixels), grey levels, of a video's begin, or where FFmpeg's words say."""
     import imageio_ffmpeg
 
-    small = ["-fps_mode", "passthrough", "-vf", f"scale={_SMALL_SIZE}:flags=area"]
-    part = [*words, "-t", f"{_COMPARED_S}"]
+    small = ["-fps_mode", "passthrough", "-vf", "scale=64:36:flags=area"]
     pictures = imageio_ffmpeg.read_frames(
-        video_address(film.path), "gray", input_params=part, output_params=small, bits_per_pixel=8
+        video_address(film.path),
+        "gray",
+        input_params=[*words, "-t", f"{_COMPARED_S}"],
+        output_params=small,
+        bits_per_pixel=8,
     )
     next(pictures)  # what it is
     return np.array([np.frombuffer(picture, np.uint8) for picture in pictures], np.float32)

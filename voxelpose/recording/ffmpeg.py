@@ -26,7 +26,6 @@ _FIRST = ("-", "-map", _FIRST_TRACK, "-vf", "showinfo", "-frames:v", "1", "-f", 
 _FILMED = re.compile(r"com\.android\.capture\.fps\s*: ([\d.]+)")
 _FLAGS = re.compile(r"F=0x([0-9A-F]+)")  # of a coded picture; none: _KEY alone
 _KEY, _CUT_OFF = 1, 4
-_TRACK = re.compile(r"Stream #0:\d+.*?: Video: (?!.*\(attached pic\))")
 _FIELDS = re.compile(r"\bi:[TB]\b")  # of a picture, in the words of the filter showinfo
 
 
@@ -43,7 +42,6 @@ class CodedPictures:
     """Whether some are coded in so few bytes, or so alike, that they may be those before them."""
     filmed_fps: float | None = None
     """Frames per second at which a telephone says that it filmed; None where it does not."""
-    tracks: int = 1  #: number of tracks with pictures, but for covers.
 
 
 def coded_pictures(path: Path) -> CodedPictures:
@@ -62,7 +60,6 @@ def coded_pictures(path: Path) -> CodedPictures:
         filmed_fps=None if filmed is None else float(filmed[1]),
         interlaced=_FIELDS.search(words) is not None,
         may_repeat=_may_repeat(table, words),
-        tracks=len(_TRACK.findall(words.partition("Output #0")[0])),
     )
     times_s = np.sort(table[:, 1])
     if not len(table) or np.isnan(times_s[-1]) or (np.diff(times_s) <= 0).any():

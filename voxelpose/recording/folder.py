@@ -309,15 +309,13 @@ def is_recording(folder: Path) -> bool:
     """Whether a folder holds a calibration, or videos, so that it is meant as a recording."""
     if not folder.is_dir():
         return False
-    files = any(
-        path.is_file() and path.suffix.lower() in VIDEOS for path in visible_entries(folder)
-    )
+    files = any(p.is_file() and p.suffix.lower() in VIDEOS for p in visible_entries(folder))
     return files or calibration_path(folder) is not None or (folder / "masks").is_dir()
 
 
 def _notes_on_files(readers: Mapping[str, FrameReader], fps: float | None) -> tuple[str, ...]:
-    """What files promise and do not hold, which are interlaced, hold several films, or are slow
-    motion of which no rate is given.
+    """What files promise and do not hold, which are interlaced, or slow motion of which no rate is
+    given.
     """
     notes = tuple(
         f"{reader.path} promises {reader.promised} frames and holds {reader.frame_count}: "
@@ -328,11 +326,7 @@ def _notes_on_files(readers: Mapping[str, FrameReader], fps: float | None) -> tu
     if fields := ", ".join(name for name, reader in readers.items() if reader.coded.interlaced):
         words = "flagged as interlaced: where a picture's lines are of two moments, those of the"
         notes = *notes, f"{fields}: {words} first are taken"
-    if several := ", ".join(name for name, reader in readers.items() if reader.coded.tracks > 1):
-        notes = *notes, f"{several}: there are several video tracks, of which the first is used"
-    filmed = {
-        name: reader.coded.filmed_fps or 0.0 for name, reader in readers.items() if fps is None
-    }
+    filmed = {name: one.coded.filmed_fps or 0.0 for name, one in readers.items() if fps is None}
     if slow := [name for name in filmed if filmed[name] >= 2 * (readers[name].fps or np.inf)]:
         rate = f"{filmed[slow[0]]:.4g}"
         words = f"filmed at {rate} frames per second by what the file says, and plays slower"

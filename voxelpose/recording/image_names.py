@@ -240,9 +240,7 @@ def _moments(groups: Sequence[tuple[str, ...]]) -> Iterator[list[float]]:
 
 
 def _past_summer(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times of a clock that goes on where it was put on or back by an hour within a take of less
-    than half an hour.
-    """
+    """Times that go on where the clock was changed by an hour, in a take of under half an hour."""
     steps = np.diff(np.sort(seconds))
     if not len(steps) or steps.max() <= _HOUR_S / 2:
         return seconds

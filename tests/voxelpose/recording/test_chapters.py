@@ -145,15 +145,6 @@ def test_the_film_is_taken_whichever_track_it_is(tmp_path: Path, words: tuple[st
     assert list(recording.file_times()) == ["cam_1", "cam_2"]
 
 
-def test_the_first_of_several_films_is_used_and_said(tmp_path: Path):
-    film(tmp_path / "whole.mp4")
-    tracks = ("-i", tmp_path / "whole.mp4", "-map", "0:v", "-map", "0:v", "-c", "copy")
-    write_calibration(tmp_path / "calibration.toml")
-    ffmpeg(*tracks, tmp_path / "cam_1.mp4")
-    (note,) = Recording.open(tmp_path, cameras=["cam_1"]).notes
-    assert note == "cam_1: there are several video tracks, of which the first is used"
-
-
 def test_a_video_of_one_picture_is_what_it_is(tmp_path: Path):
     film(tmp_path / "cam_1.mp4", count=1)
     assert open_camera(tmp_path / "cam_1.mp4").frame_count == 1
