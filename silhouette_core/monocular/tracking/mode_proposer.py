@@ -102,6 +102,7 @@ class ModeProposer:
     ) -> list[FrameModes]:
         """Modes of all frames, with the colours of the head as soon as that is found."""
         facing = self._facing and first
+        views = self._finder.corrected(views, [person.mask for person in people])
         modes = self._finder.find(views, facing=facing)
         if not self._colours.learn(people, [one.likeliest for one in modes]):
             return modes

@@ -128,6 +128,19 @@ class ModeFinder:
         codes = self.proposal.encoding.with_inside(view.codes, inside.with_mirror_image())
         return replace(view, codes=codes)
 
+    def corrected(self, views: Sequence[ModeView], masks: Sequence[BoolArray]) -> list[ModeView]:
+        """Views at the distances that the proposal finds itself.
+
+        Args:
+            masks: T silhouettes (h, w) bool.
+        """
+        offset = self._modes(views, _features(views, self.stature_m), False).offset[:, 2]
+        distance = np.array([view.window.distance_m for view in views]) * np.exp(offset)
+        return [
+            self.view(self.window(mask, distance_m), view.time_s, view.joints)
+            for mask, distance_m, view in zip(masks, distance, views, strict=True)
+        ]
+
     def distance(self, views: Sequence[ModeView]) -> float:
         """Distance of the pelvis in the last of consecutive frames along its window's axis, m."""
         features = _features(views, self.stature_m)
