@@ -298,8 +298,12 @@ class Refinement:
     largest_shape: float = 3.0
     """1. Largest deviation of a person's shape, in standard deviations; beyond it the hull's height
     says nothing of a stature, either: who crouches or reaches up is a factor of 1.16 off."""
+    girth_sigma: float = 1.7
+    """1. With one camera, multiple of the girths' standard deviations: clothes are loose."""
+    length_sigma: float = 0.6
+    """1. The same of the lengths, which one view confounds with depth."""
     build_sigma: float = 0.20
-    """1. With one camera, deviation common to all girths, from slim to heavy, and of clothes."""
+    """1. Deviation common to all girths, from slim to heavy."""
     same_root_m: float = 0.15
     """m. Roots of single frames farther than this from their median do not count."""
 

@@ -150,6 +150,7 @@ class BodyAdaptation:
     contour_m: float = 0.02  #: Metres. Standard deviation of a contour residual.
     independence: float = 0.15  #: 1. Fraction of contour points that count as independent.
     shod_sigma: float = 0.02  #: Statures by which shoes and clothes make a person taller.
+    sole_m: float = 0.012  #: Metres. Height of the lowest sampled point of a standing foot.
 
 
 @dataclass(frozen=True)

@@ -113,10 +113,12 @@ def stature_of(model: BodyModel) -> float:
 def clothed_covariance() -> np.ndarray:
     """Prior covariance (K, K) of the shape of a clothed person of unknown build.
 
-    Girths vary together from slim to heavy, and loose clothes add to all of them.
+    Girths vary together from slim to heavy, and loose clothes add to all of them; the lengths of
+    the limbs, which a single view confounds with depth, vary less than over all adults.
     """
     girth = np.array([axis.flesh and not axis.joints for axis in SHAPE_AXES]) & ~IS_CLOTHING
-    sigma = np.where(IS_CLOTHING, 1e-4, SHAPE_SIGMA)  # one view does not tell clothes from girth
+    sigma = SHAPE_SIGMA * np.where(girth, REFINEMENT.girth_sigma, REFINEMENT.length_sigma)
+    sigma[IS_CLOTHING] = 1e-4  # one view does not tell clothes from girth
     return np.diag(sigma**2) + REFINEMENT.build_sigma**2 * np.outer(girth, girth)
 
 

@@ -103,7 +103,8 @@ def shod_scale(lowest_m: FloatArray, camera_m: float) -> float:
     near = np.abs(lowest_m) < DYNAMICS.floor_m
     if near.mean() < 0.5 or camera_m < 2 * DYNAMICS.floor_m:
         return 1.0
-    quarter, height_m, three_quarters = np.quantile(lowest_m, (0.25, 0.5, 0.75)).tolist()
+    quarter, middle, three_quarters = np.quantile(lowest_m, (0.25, 0.5, 0.75)).tolist()
+    height_m = middle - ADAPTING.sole_m
     grown = camera_m / (camera_m - height_m) - 1
     variance = (TRAJECTORY.foot_m**2 + ((three_quarters - quarter) / 2) ** 2) / camera_m**2
     return 1 + max(0.0, ADAPTING.shod_sigma**2 / (ADAPTING.shod_sigma**2 + variance) * grown)
