@@ -6,7 +6,7 @@ from tests.kernel_examples import Example
 from tests.voxelpose.multiview.carving.carving_scenes import look_at
 from voxelpose.multiview.carving.carver import block_order, pack_masks, pack_rig
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.kernels.blocks import BLIND, LARGEST, OBJECTS
+from voxelpose.multiview.carving.kernels.blocks import LARGEST
 
 LENSES = (
     {},
@@ -31,7 +31,7 @@ def carve_blocks(rng):
     grid = VoxelGrid(rng.normal(size=3) - 1.5, 0.05, tuple(rng.integers(1, 70, 3)))
     axes = grid.axes(LARGEST)
     order = block_order(int(np.prod([len(axis) // LARGEST for axis in axes])))
-    rule = 1, 1, (OBJECTS, BLIND)[rng.integers(2)]
+    rule = 1, int(rng.integers(3))
     occupancy = np.zeros(grid.shape, bool)
     return Example((*pack_rig(rig), frames, sums, pixels, rule, axes, order, occupancy))
 

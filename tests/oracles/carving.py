@@ -29,17 +29,17 @@ def carve_voxels(
     rows: FloatArray,
     kinds: NDArray[np.int64],
     masks: list[NDArray[np.uint8]],
-    rule: tuple[int, int, int],
+    rule: tuple[int, int],
     axes: tuple[FloatArray, ...],
 ) -> NDArray[np.bool_]:
     """Occupancy (nx, ny, nz) of the voxels with centres on axes, from whole masks (h, w) of pixels
     as there; the other arguments are those of `blocks.carve_blocks`.
     """
-    tolerance, least, outside = rule
+    tolerance, least = rule
     x, y, z = np.meshgrid(*axes, indexing="ij", sparse=True)
     agreeing, objecting = np.zeros((2, *map(len, axes)), dtype=np.int64)
     for row, kind, mask in zip(rows, kinds, masks, strict=True):
-        verdict = _verdict(row, kind, mask, outside, x, y, z)
+        verdict = _verdict(row, kind, mask, x, y, z)
         agreeing += verdict == columns.AGREES
         objecting += verdict == columns.OBJECTS
     return (objecting <= tolerance) & (agreeing >= least)
@@ -92,16 +92,10 @@ def _distort_unbounded(
 
 
 def _verdict(
-    row: FloatArray,
-    kind: int,
-    mask: NDArray[np.uint8],
-    outside: int,
-    x: FloatArray,
-    y: FloatArray,
-    z: FloatArray,
+    row: FloatArray, kind: int, mask: NDArray[np.uint8], x: FloatArray, y: FloatArray, z: FloatArray
 ) -> NDArray[np.int64]:
-    """One camera's verdict on points x, y, z, which broadcast: `outside` where it does not see
-    them, else the pixel, which is AGREES, OBJECTS or BLIND.
+    """One camera's verdict on points x, y, z, which broadcast: BLIND where it does not see them,
+    else the pixel, which is AGREES, OBJECTS or BLIND.
     """
     p = row[:12].reshape(3, 4)
     u, v, w = (((p[i, 0] * x + p[i, 1] * y) + p[i, 3]) + p[i, 2] * z for i in range(3))
@@ -116,6 +110,6 @@ def _verdict(
             u, v = (fx * a + skew * b) + cx, fy * b + cy
         column, line = np.floor(u + 0.5), np.floor(v + 0.5)
         sees &= (column >= 0) & (line >= 0) & (column < mask.shape[1]) & (line < mask.shape[0])
-    verdict = np.full(sees.shape, outside)
+    verdict = np.full(sees.shape, columns.BLIND)
     verdict[sees] = mask[line[sees].astype(int), column[sees].astype(int)]
     return verdict

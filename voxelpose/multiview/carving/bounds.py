@@ -235,9 +235,7 @@ def _intersection(
         seen = mask if unknown is None else mask | unknown[c]
         planes = _pyramid(camera, _outline(seen)) if seen.any() else None
         if planes is not None:
-            sides.append(
-                (planes, _touches(seen) if rule.outside == "keep" else np.zeros(4, dtype=bool))
-            )
+            sides.append((planes, _touches(seen)))
     # Cameras without foreground count toward the tolerance.
     used = max(1, min(len(sides), len(rig) - rule.tolerance))
     boxes = [box for box in map(_bounded_box, combinations(sides, used)) if box is not None]

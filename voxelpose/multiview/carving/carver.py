@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from threading import local
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -208,13 +208,10 @@ class CarveRule:
 
     A camera sees a voxel whose centre is in front of it, inside the field of its lens, and whose
     nearest pixel is in its image. A camera that sees it agrees where that pixel is foreground, and
-    objects where it is background.
+    objects where it is background; one that does not, does neither.
     """
 
     tolerance: int = 0  #: Most cameras that may object.
-    outside: Literal["keep", "carve"] = "keep"
-    """Effect of a camera that does not see the voxel (behind it, or outside its image): "keep" has
-    none, "carve" counts as objecting."""
     least_agreeing: int | None = None
     """Fewest cameras that must agree, so that an object near one camera and invisible to the others
     is not mistaken for a body; 0 keeps even voxels that no camera sees. None means three quarters
@@ -224,21 +221,16 @@ class CarveRule:
         """Checks every value once."""
         if self.tolerance < 0:
             raise ValueError(f"tolerance must be at least 0 cameras, got {self.tolerance}")
-        if self.outside not in ("keep", "carve"):
-            raise ValueError(f'outside must be "keep" or "carve", got {self.outside!r}')
         if self.least_agreeing is not None and self.least_agreeing < 0:
             raise ValueError(
                 f"least_agreeing must be at least 0 cameras, got {self.least_agreeing}"
             )
 
-    def packed(self, cameras: int) -> tuple[int, int, int]:
+    def packed(self, cameras: int) -> tuple[int, int]:
         """Rule for a number of cameras, as `blocks.carve_blocks` takes it."""
-        least = (
-            max(1, 3 * cameras // 4 - self.tolerance)
-            if self.least_agreeing is None
-            else self.least_agreeing
-        )
-        return self.tolerance, least, blocks.OBJECTS if self.outside == "carve" else blocks.BLIND
+        if self.least_agreeing is None:
+            return self.tolerance, max(1, 3 * cameras // 4 - self.tolerance)
+        return self.tolerance, self.least_agreeing
 
 
 def carve(

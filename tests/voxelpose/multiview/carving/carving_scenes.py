@@ -10,7 +10,6 @@ from calib.camera import Camera, Rig
 from tests.oracles import carving as reference
 from voxelpose.multiview.carving.carver import CarveRule, Masks, mask_list, pack_rig
 from voxelpose.multiview.carving.grid import VoxelGrid
-from voxelpose.multiview.carving.kernels.blocks import BLIND, OBJECTS
 
 
 def look_at(
@@ -94,14 +93,14 @@ def carve_by_reference(
     return reference.carve_voxels(rows, kinds, mask_list(rig, masks), given, grid.axes())
 
 
-def rule_numbers(rule: CarveRule, cameras: int) -> tuple[int, int, int]:
-    """Most cameras that may object, fewest that must agree, and the verdict of a blind one: what
-    `CarveRule` says, and not what it computes.
+def rule_numbers(rule: CarveRule, cameras: int) -> tuple[int, int]:
+    """Most cameras that may object, and fewest that must agree: what `CarveRule` says, and not what
+    it computes.
     """
     least = rule.least_agreeing
     if least is None:
         least = max(int(np.floor(0.75 * cameras)) - rule.tolerance, 1)
-    return rule.tolerance, least, {"carve": OBJECTS, "keep": BLIND}[rule.outside]
+    return rule.tolerance, least
 
 
 def voxels_at(grid: VoxelGrid, points_m: np.ndarray) -> np.ndarray:

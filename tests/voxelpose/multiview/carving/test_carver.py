@@ -9,13 +9,7 @@ from voxelpose.multiview.carving.carver import CarveRule, carve
 from voxelpose.multiview.carving.grid import VoxelGrid
 
 PERSON = VoxelGrid.from_bounds((-0.9, -0.7, -0.1), (0.95, 0.7, 1.95), 0.045)
-RULES = (
-    CarveRule(),
-    CarveRule(1),
-    CarveRule(2, "keep", 0),
-    CarveRule(outside="carve"),
-    CarveRule(1, "carve", 2),
-)
+RULES = (CarveRule(), CarveRule(1), CarveRule(2, 0), CarveRule(1, 2))
 
 
 def verdict_by_cameras(rig, masks, grid, rule):
@@ -29,8 +23,8 @@ def verdict_by_cameras(rig, masks, grid, rule):
             seen = ((pixels >= 0) & (pixels < camera.size)).all(axis=1)
         column, row = np.where(seen[:, None], pixels, 0).astype(int).T
         agreeing += seen & mask[row, column]
-        objecting += np.where(seen, ~mask[row, column], rule.outside == "carve")
-    tolerance, least, _ = rule_numbers(rule, len(rig))
+        objecting += seen & ~mask[row, column]
+    tolerance, least = rule_numbers(rule, len(rig))
     occupied = (objecting <= tolerance) & (agreeing >= least)
     return occupied.reshape(grid.shape), (ties == 0).reshape(grid.shape)
 
@@ -110,7 +104,7 @@ def test_masks_that_do_not_fit_are_refused():
         carve(rig, [masks["cam_0"]], PERSON)
 
 
-@pytest.mark.parametrize("fields", [{"tolerance": -1}, {"outside": "drop"}, {"least_agreeing": -1}])
+@pytest.mark.parametrize("fields", [{"tolerance": -1}, {"least_agreeing": -1}])
 def test_impossible_rules_are_refused(fields):
     with pytest.raises(ValueError, match="must be"):
         CarveRule(**fields)

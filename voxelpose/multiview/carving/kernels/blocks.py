@@ -39,6 +39,7 @@ WIDTH, HEIGHT, LEFT, UPPER, WIDE, HIGH, PIXELS, SUMS, COUNTS = range(9)
 # pixel of which nothing is known.
 OBJECTS, AGREES, UNCLEAR, CUT, BLIND = 0, 1, 2, 3, 64
 _BLIND_BITS = 6
+_UNSEEN = 2  # position of a pixel that is BLIND
 
 
 @kernel
@@ -188,14 +189,14 @@ def _visible_positions(rows, frames, c, points, positions):
 
 
 @kernel
-def _positions(rows, kinds, frames, c, points, unseen, positions):
+def _positions(rows, kinds, frames, c, points, positions):
     """Fills positions as `_visible_positions`, for any camera and any voxels: 0 (OBJECTS) beyond
-    the crop, `unseen` where a voxel is not visible.
+    the crop, that of BLIND where a voxel is not visible.
     """
     width, height = float(frames[c, WIDTH]), float(frames[c, HEIGHT])
     for n in range(_LEAF_VOXELS):
         x, y, z = points[0, n], points[1, n], points[2, n]
-        positions[n] = unseen
+        positions[n] = _UNSEEN
         w = ((rows[c, 8] * x + rows[c, 9] * y) + rows[c, 11]) + rows[c, 10] * z
         if not w > 0.0:
             continue
@@ -221,7 +222,7 @@ def _carve_leaf(cameras, rule, axes, occupancy, block, state, scratch):
     """Decides a leaf voxel by voxel."""
     rows, kinds, _, frames, _, pixels = cameras
     _, _, _, _, _, positions, votes, points = scratch
-    tolerance, least, outside = rule
+    tolerance, least = rule
     xs, ys, zs = axes
     i0, j0, k0 = block
     unclear, cut, agreeing, objecting = state
@@ -230,7 +231,7 @@ def _carve_leaf(cameras, rule, axes, occupancy, block, state, scratch):
         points[1, n] = ys[j0 + n // LEAF % LEAF]
         points[2, n] = zs[k0 + n % LEAF]
         votes[n] = 0
-    voting, unseen = 0, 0 if outside == OBJECTS else 2
+    voting = 0
     for c in range(len(kinds)):
         if not (unclear >> c) & 1:
             continue
@@ -238,7 +239,7 @@ def _carve_leaf(cameras, rule, axes, occupancy, block, state, scratch):
         if kinds[c] == PINHOLE and not (cut >> c) & 1:
             _visible_positions(rows, frames, c, points, positions)
         else:
-            _positions(rows, kinds, frames, c, points, unseen, positions)
+            _positions(rows, kinds, frames, c, points, positions)
         for n in range(_LEAF_VOXELS):
             votes[n] += pixels[positions[n]]
     enough_agree = least - agreeing
@@ -261,7 +262,7 @@ def _classify_children(cameras, rule, parent, half, scratch):
     """
     rows, kinds, bounds, frames, sums, _ = cameras
     _, centres, seen, boxes, states, _, _, _ = scratch
-    tolerance, _, outside = rule
+    tolerance, _ = rule
     for n in range(8):
         states[0, n], states[1, n], states[2, n], states[3, n] = 0, 0, parent[2], parent[3]
     for c in range(len(kinds)):
@@ -274,7 +275,7 @@ def _classify_children(cameras, rule, parent, half, scratch):
         bit = np.int64(1) << c
         alive = 0
         for n in range(8):
-            verdict = outside if seen[n] == BLIND else seen[n]
+            verdict = seen[n]
             states[0, n] |= bit if (verdict == UNCLEAR) | (verdict == CUT) else 0
             states[1, n] |= bit if verdict == CUT else 0
             states[2, n] += verdict == AGREES
@@ -297,7 +298,7 @@ def _count_bits(cameras):
 @kernel
 def _carve_largest(cameras, rule, axes, occupancy, largest, scratch):
     """Splits one of the largest blocks as far as it is mixed."""
-    tolerance, least, _ = rule
+    tolerance, least = rule
     stack, centres, _, _, states, _, _, _ = scratch
     xs, ys, zs = axes
     nx, ny, nz = occupancy.shape
@@ -369,8 +370,7 @@ def carve_blocks(rows, kinds, bounds, frames, sums, pixels, rule, axes, order, o
             2^16: of pixels in the foreground, or of twice those and of unknown ones.
         pixels: (P,) uint8, OBJECTS, AGREES or, unknown, BLIND; the first three are these, then come
             all crops.
-        rule: most cameras that may object, fewest that must agree, verdict of a camera that does
-            not see the voxel.
+        rule: most cameras that may object, fewest that must agree.
         axes: centres of the voxels along x, y and z, float64, m, continued to a multiple of
             LARGEST.
         order: (N,) int64, order in which the N largest blocks are carved.
