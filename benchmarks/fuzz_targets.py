@@ -175,7 +175,7 @@ def _make_folder_settings(path: Path) -> None:
     text = (
         '[fit]\nstature = 1.75\nout = "x"\nsex = "female"\nbody = "92A5"\n'
         '[calibrate.board]\npaper = "a3"\n[live]\nsend = ["vmc://a:1"]\n'
-        "[carve]\nvolume = [0, 0, 0, 1, 1, 1]\n"
+        "[carve]\nvoxel = 0.02\nframe = 3\n"
     )
     path.write_text(text)
 
