@@ -1,6 +1,7 @@
 """Where cameras stand, from boards: synthetic rooms whose truth is known, and a real one."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from benchmarks.board_scene import align_rigs
 from calib.board import Board, BoardView
 from calib.camera import Rig
 from calib.errors import InputError
-from calib.extrinsics import board_errors, calibrate_extrinsics, pose_difference
+from calib.extrinsics import board_errors, calibrate_extrinsics, camera_error, pose_difference
 from calib.files import read_rig
 
 
@@ -205,3 +206,15 @@ def test_standing4s_corner_lists(shared):
         np.testing.assert_allclose(
             result.rig[camera.name].center_m, camera.center_m * [1, -1, -1], atol=0.03
         )
+
+
+def test_the_first_three_parameters_are_a_turn_and_the_others_a_shift():
+    covariance = np.diag([1e-6, 1e-6, 1e-6, 4e-6, 4e-6, 4e-6])
+    adjusted = SimpleNamespace(
+        scene=SimpleNamespace(cameras=room(2).cameras),
+        covariances=[covariance, covariance],
+        residuals_px=np.ones((4, 2)),
+    )
+    line = camera_error(1, adjusted, SimpleNamespace(camera=np.array([0, 0, 1, 1])), 2)
+    assert line.position_mm == pytest.approx(np.sqrt(12))
+    assert line.rotation_deg == pytest.approx(np.degrees(np.sqrt(3e-6)))
