@@ -267,8 +267,8 @@ def _film_copy(path: Path, changed_ns: int) -> Path | None:
     folder = Path(tempfile.mkdtemp(prefix="voxelpose-film-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     copy = folder / path.name
-    words = (*QUIET, "-i", str(path), "-map", f"0:{film}", "-map", "0:a?", "-c", "copy", str(copy))
-    copied = finished(*words)
+    source, track = str(path), f"0:{film}"
+    copied = finished(*QUIET, "-i", source, "-map", track, "-map", "0:a?", "-c", "copy", str(copy))
     if copied.returncode:
         raise InputError(
             f"{path}: its film, which is not its first video track, cannot be copied to {folder}:"

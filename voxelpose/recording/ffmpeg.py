@@ -97,8 +97,8 @@ def _packets(path: Path, *words: str, track: str = _FIRST_TRACK) -> tuple[NDArra
     """Times as of `packets`, numbers of bytes, checksums, whether a picture is coded by itself, and
     whether an edit list cuts it off, (n, 6); and what FFmpeg says.
     """
-    copied = ("-c", "copy", "-f", "framecrc", *words, "-")
-    done = finished("-nostdin", *_track(path, track), *copied)
+    source = _track(path, track)
+    done = finished("-nostdin", *source, "-c", "copy", "-f", "framecrc", *words, "-")
     unit, rows = 1.0, []
     for line in done.stdout.splitlines():
         if line.startswith("#tb 0:"):
