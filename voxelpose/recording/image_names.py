@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Literal
@@ -37,7 +37,8 @@ _DATED, _CLOCK = (
 )
 _HALF_DAY = re.compile(r"(?<![^\W\d_])[ap]m\b", re.IGNORECASE)
 _TIMECODE_RATES = (24, 25, 30, 48, 50, 60, 100, 120)  # frames per second
-_DAY_S, _HOUR_S = 86_400, 3_600
+_DAY_S = timedelta(days=1).total_seconds()
+_HOUR_S = timedelta(hours=1).total_seconds()
 _HEX = re.compile(r"(?<![^\W_])[0-9a-f]{1,15}(?![^\W_])", re.IGNORECASE)
 _COUNTS = tuple(PER_SECOND.values())[1:]  # of a clock in a second
 _SINCE_1970 = {9 + len(str(count)): count for count in _COUNTS}  # by the digits of the time

@@ -28,7 +28,6 @@ HIDDEN_S = 2
 _REDUCED = 4  # of the images in which it is asked who explains what
 _MOST_AXES = 9  # places in a frame that are asked for
 _MOST_SETS = 40  # of people in a frame, which are compared over time
-_HEIGHTS = 32  # on somebody's axis, at which a pixel tells that the person is seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,12 +181,12 @@ def blind_to_people(prepared: PreparedSilhouettes, places_m: FloatArray) -> Bool
         places_m: (N, T, 3) float64, about where each is; NaN: not there.
     """
     blind = np.repeat(prepared.blind_cameras()[None], len(places_m), axis=0)
-    volume, cameras = prepared.observer.volume, prepared.observer.views.rig.cameras
-    heights_m = volume.origin_m[2] + np.linspace(0, volume.size_m[2], _HEIGHTS)
+    cameras = prepared.observer.views.rig.cameras
+    _, _, heights_m = prepared.observer.coarse.axes()
     for t in range(blind.shape[1] if prepared.footage.people is not None else 0):
         masks = prepared.footage.people_masks(t)
         for person, place_m in enumerate(places_m[:, t]):
-            axis_m = np.column_stack([np.tile(place_m[:2], (_HEIGHTS, 1)), heights_m])
+            axis_m = np.column_stack([np.tile(place_m[:2], (len(heights_m), 1)), heights_m])
             for c in np.flatnonzero(prepared.estimated).tolist():
                 shows = any(_covers(mask, cameras[c].project(axis_m)[0]) for mask in masks[c])
                 blind[person, t, c] |= not shows
